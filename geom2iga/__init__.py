@@ -1,0 +1,36 @@
+"""Geometry to trivariate NURBS: from a case file through gmsh to a model of patches.
+
+>>> import geom2iga
+>>> model = geom2iga.build({"geometry": {"degree": 2, "block": [{"name": "cube", "size": [1, 1, 1]}]}})
+>>> model
+Model(bodies cube; 1 patches, 6 face groups)
+"""
+
+from geom2iga.build import build
+from geom2iga.case import Case, GeometryCase, read_case
+from geom2iga.errors import CaseError, GeometryError, NotConvergedError, UserError, VerificationError
+from geom2iga.files import read_model, write_model
+from geom2iga.model import Model
+from geom2iga.patch import Face, Patch, elevated, evaluate, refined, reversed_along, surface
+
+__all__ = [
+    "Case",
+    "CaseError",
+    "Face",
+    "GeometryCase",
+    "GeometryError",
+    "Model",
+    "NotConvergedError",
+    "Patch",
+    "UserError",
+    "VerificationError",
+    "build",
+    "elevated",
+    "evaluate",
+    "read_case",
+    "read_model",
+    "refined",
+    "reversed_along",
+    "surface",
+    "write_model",
+]

@@ -1,0 +1,122 @@
+"""geometry.h5: a model written and read back exactly."""
+
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from geom2iga.errors import CaseError
+from geom2iga.model import Model
+from geom2iga.patch import Face, Patch
+
+FORMAT, VERSION = "geom2iga geometry", 1
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """Yield a temporary path beside `path` that takes its name at the end, if no error came in between."""
+    temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
+    try:
+        yield temporary
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def opened(path: Path, form: str, version: int) -> Iterator[h5py.File]:
+    """Open one of our HDF5 files for reading.
+
+    Raises
+    ------
+    CaseError
+        The file is missing, unreadable, of another format or version, or incomplete.
+    """
+    try:
+        with h5py.File(path) as file:
+            found = (file.attrs.get("format"), file.attrs.get("version"))
+            if found != (form, version):
+                raise CaseError(f"{path}: expected {form} version {version}, found {found}; make it anew")
+            yield file
+    except FileNotFoundError:
+        raise CaseError(f"{path}: no such file") from None
+    except (AttributeError, KeyError, OSError, RuntimeError, TypeError, ValueError) as error:
+        raise CaseError(f"{path}: damaged ({error}); delete it and make it anew") from None
+
+
+def read_stamp(path: Path, form: str, version: int) -> str | None:
+    """Return what a file says it was made from; None where there is no such file or it cannot be read."""
+    try:
+        with opened(path, form, version) as file:
+            return str(file.attrs["stamp"])
+    except CaseError:
+        return None
+
+
+def write_model(path: str | Path, model: Model, stamp: str = "") -> None:
+    """Write a model to geometry.h5; the file appears under its name only when it is whole."""
+    with replacing(Path(path)) as temporary, h5py.File(temporary, "w") as file:
+        file.attrs.update({"format": FORMAT, "version": VERSION, "stamp": stamp})
+        put_model(file, model)
+
+
+def read_model(path: str | Path) -> Model:
+    """Read geometry.h5; raise CaseError where it is missing or damaged."""
+    with opened(Path(path), FORMAT, VERSION) as file:
+        return get_model(file)
+
+
+def put_model(file: Any, model: Model) -> None:
+    """Write a model into an open HDF5 group."""
+    for place in ("patches", "bodies", "groups"):
+        file.create_group(place)
+    for number, (name, patch) in enumerate(model.patches.items()):
+        group = _create(file, f"patches/{number}", name)
+        group["degrees"] = patch.degrees
+        for direction, knots in enumerate(patch.knots):
+            group[f"knots_{direction}"] = knots
+        group["control_points"] = patch.control_points
+        group["weights"] = patch.weights
+    for number, (name, patches) in enumerate(model.bodies.items()):
+        _create(file, f"bodies/{number}", name)["patches"] = _strings(patches)
+    for number, (name, faces) in enumerate(model.groups.items()):
+        group = _create(file, f"groups/{number}", name)
+        group["patch"] = _strings([face.patch for face in faces])
+        group["axis_side"] = np.array([(face.axis, face.side) for face in faces], dtype=np.int64).reshape(-1, 2)
+
+
+def get_model(file: Any) -> Model:
+    """Read a model from an open HDF5 group."""
+    patches = {}
+    for name, group in _named(file, "patches"):
+        degrees = tuple(group["degrees"][()].tolist())
+        knots = tuple(group[f"knots_{d}"][()] for d in range(len(degrees)))
+        patches[name] = Patch(name, degrees, knots, group["control_points"][()], group["weights"][()])
+    bodies = {name: tuple(group["patches"].asstr()[()]) for name, group in _named(file, "bodies")}
+    groups = {}
+    for name, group in _named(file, "groups"):
+        sides = group["axis_side"][()].tolist()
+        groups[name] = tuple(Face(p, a, s) for p, (a, s) in zip(group["patch"].asstr()[()], sides, strict=True))
+    return Model(patches, bodies, groups)
+
+
+def _create(file: Any, place: str, name: str) -> Any:
+    """Create a group that knows its name: any text can be a name, not any text can be a place."""
+    group = file.create_group(place)
+    group.attrs["name"] = name
+    return group
+
+
+def _named(file: Any, place: str) -> list[tuple[str, Any]]:
+    """List the groups at a place with their names, in the sequence in which they were written."""
+    groups = [file[f"{place}/{number}"] for number in range(len(file[place]))]
+    return [(str(group.attrs["name"]), group) for group in groups]
+
+
+def _strings(values: Sequence[str]) -> Any:
+    """Make an array that h5py stores as text even where it is empty."""
+    return np.array(values, dtype=h5py.string_dtype())

@@ -1,0 +1,200 @@
+"""What the commands share: flags, exit codes, log, stamps, resume."""
+
+import argparse
+import hashlib
+import json
+import logging
+import os
+import sys
+import traceback
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from pydantic import create_model
+from rich.console import Console
+
+from geom2iga.case import Case, Table, checked, read_case
+from geom2iga.errors import CaseError, UserError
+
+log = logging.getLogger("geom2iga")
+
+OUR_BUG, INTERRUPTED = 1, 130
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One step of the pipeline, as the commands run it.
+
+    Parameters
+    ----------
+    name : str
+        Name of the command.
+    tables : type
+        The pydantic model of what the stage reads of a case.
+    stamp : function of (case, folder)
+        Fingerprint of all inputs; raises CaseError where an earlier stage has not been run.
+    written : function of (folder)
+        Fingerprint of the inputs that what lies there was made from, None where nothing whole does.
+    plan : function of (case)
+        Checks the case as far as it can without writing; one line on what would be done.
+    run : function of (case, folder, stamp)
+        Does the work and writes it.
+    summary : function of (folder)
+        What --json prints, from what has been written.
+    """
+
+    name: str
+    tables: type[Table]
+    stamp: Callable[[Case, Path], str]
+    written: Callable[[Path], str | None]
+    plan: Callable[[Case], str]
+    run: Callable[[Case, Path, str], None]
+    summary: Callable[[Path], Mapping[str, Any]]
+
+
+def fingerprint(*parts: object) -> str:
+    """Hash inputs, together with the version of the program.
+
+    >>> fingerprint({"a": 1}, "x") == fingerprint({"a": 1}, "x") != fingerprint({"a": 2}, "x")
+    True
+    """
+    text = json.dumps([program_version(), *parts], sort_keys=True, default=str)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def program_version() -> str:
+    """Version of the distribution, "unknown" where it is not installed."""
+    try:
+        return version("geom2iga")
+    except PackageNotFoundError:
+        return "unknown"
+
+
+def run_command(description: str, stages: Sequence[Stage], arguments: Sequence[str] | None = None) -> int:
+    """Run the stages of one command on a case file and return the exit code.
+
+    0 done or up to date; 1 our bug; 2 bad command or case; 3 geometry; 4 not converged; 5 verification missed;
+    130 interrupted.
+    """
+    program = stages[0].name if len(stages) == 1 else "iga-run"
+    options = _parser(program, description).parse_args(arguments)
+    if options.schema:
+        return _print_json(_schema(stages))
+    _talk(options)
+    folder = log_file = None
+    try:
+        if options.case is None:
+            raise CaseError(f"no case file given; for example: {program} case.toml")
+        case = read_case(options.case)
+        folder = options.output or case.folder / f"{case.name}.out"
+        for stage in stages:
+            checked(case, stage.tables)
+        if options.dry_run:
+            for stage in stages:
+                log.info("%s: %s", stage.name, stage.plan(case))
+            return 0
+        log_file = _log_to(folder)
+        for stage in stages:
+            _run_stage(stage, case, folder, options.force)
+    except UserError as error:
+        return _failed(error.exit_code, str(error), options, stages, folder)
+    except KeyboardInterrupt:
+        return _failed(INTERRUPTED, "interrupted; stages that had ended are kept", options, stages, None)
+    except Exception as error:
+        where = f"the traceback is in {log_file}" if log_file else "run it again with -v for the traceback"
+        log.debug("%s", traceback.format_exc())
+        text = f"{type(error).__name__}: {error}. This is a bug in {program}: please report it; {where}"
+        return _failed(OUR_BUG, text, options, stages, None)
+    return _print_summary(options, stages, folder)
+
+
+def _run_stage(stage: Stage, case: Case, folder: Path, force: bool) -> None:
+    stamp = stage.stamp(case, folder)
+    if not force and stage.written(folder) == stamp:
+        log.info("%s: up to date", stage.name)
+    else:
+        stage.run(case, folder, stamp)
+
+
+def _failed(code: int, text: str, options: Any, stages: Sequence[Stage], folder: Path | None) -> int:
+    """Say what went wrong; a missed verification still has a summary."""
+    log.error("%s", text)
+    if code == 5 and folder:
+        _print_summary(options, stages, folder)
+    return code
+
+
+def _print_summary(options: Any, stages: Sequence[Stage], folder: Path) -> int:
+    return _print_json(stages[-1].summary(folder)) if options.json else 0
+
+
+def _print_json(data: Mapping[str, Any]) -> int:
+    """Print on standard output; whoever reads it may stop early."""
+    try:
+        print(json.dumps(data, indent=2), flush=True)
+    except BrokenPipeError:
+        sys.stdout = open(os.devnull, "w")  # noqa: SIM115 - so that the interpreter's own flush at exit is quiet
+    return 0
+
+
+def _parser(program: str, description: str) -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog=program, description=description, epilog=f"example: {program} examples/contact_patch_test/case.toml"
+    )
+    parser.add_argument("case", nargs="?", type=Path, help="case file (TOML)")
+    parser.add_argument("-o", "--output", type=Path, metavar="DIR", help="output folder, <case>.out beside the case")
+    parser.add_argument("-n", "--dry-run", action="store_true", help="check the case, say what would be done, stop")
+    parser.add_argument("-f", "--force", action="store_true", help="run even what is up to date")
+    parser.add_argument("-q", "--quiet", action="store_true", help="print errors only")
+    parser.add_argument("-v", "--verbose", action="store_true", help="print details")
+    parser.add_argument("--json", action="store_true", help="print the summary on standard output")
+    parser.add_argument("--schema", action="store_true", help="print the JSON schema of the case file")
+    parser.add_argument("--version", action="version", version=f"{program} {program_version()}")
+    return parser
+
+
+def _schema(stages: Sequence[Stage]) -> dict[str, Any]:
+    """JSON schema of all that the stages read of a case."""
+    fields = {name: (f.annotation, f) for stage in stages for name, f in stage.tables.model_fields.items()}
+    return create_model("Case", __base__=Table, **fields).model_json_schema()  # type: ignore[call-overload]
+
+
+class Terminal(logging.Handler):
+    """Prints messages on standard error, errors in red, without breaking lines."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.console = Console(stderr=True, soft_wrap=True, markup=False, highlight=False)
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Print one message."""
+        self.console.print(self.format(record), style="red" if record.levelno >= logging.ERROR else None)
+
+
+def _talk(options: Any) -> None:
+    """Send messages to standard error, as loud as asked for."""
+    for handler in list(log.handlers):
+        log.removeHandler(handler)
+        handler.close()
+    handler = Terminal()
+    handler.setLevel(logging.ERROR if options.quiet else logging.DEBUG if options.verbose else logging.INFO)
+    log.addHandler(handler)
+    log.setLevel(logging.DEBUG)
+    log.propagate = False
+
+
+def _log_to(folder: Path) -> Path:
+    """Send all messages to log.txt too, after those of earlier runs; return its path."""
+    path = folder / "log.txt"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        handler = logging.FileHandler(path, encoding="utf-8")
+    except OSError as error:
+        raise CaseError(f"{folder}: cannot write there ({error.strerror}); name another folder with -o") from None
+    handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)-7s %(message)s"))
+    log.addHandler(handler)
+    log.debug("%s %s, process %d", " ".join(sys.argv), program_version(), os.getpid())
+    return path

@@ -1,0 +1,176 @@
+from dataclasses import replace
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from geom2iga import files
+from geom2iga.errors import CaseError
+from geom2iga.files import FORMAT, VERSION, read_model, read_stamp, replacing, write_model
+from geom2iga.model import Model
+from geom2iga.patch import Face
+from tests.cases import bent_patch, block_patch, model_of
+from tests.oracles import assert_round_trip, assert_same_model
+from tests.strategies import patches
+
+NAMES = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"), max_size=8) | st.sampled_from(
+    ["Stößel", "上部/底", "a", "a/weights", "a/", "/a", ".", "..", "0", "patches", "name"]
+)
+
+
+@st.composite
+def models(draw: Any) -> Model:
+    """Models whose names, degrees, knots and coordinates are as awkward as may be."""
+    names = draw(st.lists(NAMES, unique=True, min_size=1, max_size=3))
+    volumes = {name: replace(draw(patches((3,), highest=2)), name=name) for name in names}
+    points = draw(st.sampled_from(list(volumes.values()))).control_points.copy()
+    points.flat[:5] = [-0.0, 5e-324, 1.7976931348623157e308, 0.1 + 0.2, -1e-300]
+    volumes |= {name: replace(v, control_points=points) for name, v in volumes.items() if v.shape == points.shape[:3]}
+    bodies = draw(st.lists(NAMES, unique=True, min_size=2, max_size=3))
+    holder = [draw(st.sampled_from(bodies)) for _ in names]
+    faces = st.builds(Face, st.sampled_from(names), st.integers(0, 2), st.integers(0, 1))
+    groups = draw(st.dictionaries(NAMES, st.lists(faces, max_size=3).map(tuple), max_size=4))
+    return Model(
+        volumes,
+        {body: tuple(n for n, b in zip(names, holder, strict=True) if b == body) for body in bodies},
+        groups,
+    )
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory):
+    return tmp_path_factory.mktemp("files") / "geometry.h5"
+
+
+@pytest.fixture
+def whole(tmp_path):
+    """A sound file."""
+    path = tmp_path / "geometry.h5"
+    write_model(path, model_of(block_patch("lower"), bent_patch(1, name="upper")), "stamp")
+    return path
+
+
+@given(models())
+def test_a_model_comes_back_from_its_file_bit_for_bit(path, model):
+    assert_round_trip(lambda m: write_model(path, m), lambda _: read_model(path), model, assert_same_model)
+
+
+def test_a_model_of_very_many_names_comes_back(path):
+    """A list of more than 4095 names is too long for an attribute of HDF5."""
+    model = Model({"block": block_patch()}, {"block": ("block",)}, {f"group {n}": () for n in range(4100)})
+    assert_round_trip(lambda m: write_model(path, m), lambda _: read_model(path), model, assert_same_model)
+
+
+def test_an_empty_model_comes_back(path):
+    assert_round_trip(lambda m: write_model(path, m), lambda _: read_model(path), Model({}, {}, {}), assert_same_model)
+
+
+@given(st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0")))
+def test_the_stamp_comes_back(path, stamp):
+    write_model(path, Model({}, {}, {}), stamp)
+    assert read_stamp(path, FORMAT, VERSION) == stamp
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(CaseError, match=r"nowhere\.h5.*no such file"):
+        read_model(tmp_path / "nowhere.h5")
+    assert read_stamp(tmp_path / "nowhere.h5", FORMAT, VERSION) is None
+
+
+def refused(path):
+    """Insist that a file is refused by name with the advice to make it anew, and that it has no stamp."""
+    with pytest.raises(CaseError, match=f"(?s){path.name}.*anew"):
+        read_model(path)
+    return read_stamp(path, FORMAT, VERSION) is None
+
+
+def test_a_file_cut_off_anywhere_is_refused(whole):
+    content = whole.read_bytes()
+    for length in [*range(0, len(content), len(content) // 50), len(content) - 1]:
+        whole.write_bytes(content[:length])
+        assert refused(whole)
+
+
+@pytest.mark.parametrize("content", [b"", b"hello\n", b"\x89HDF\r\n\x1a\n", bytes(10_000), bytes(range(256)) * 40])
+def test_a_file_of_another_kind_is_refused(tmp_path, content):
+    path = tmp_path / "geometry.h5"
+    path.write_bytes(content)
+    assert refused(path)
+
+
+def test_a_folder_is_no_file(tmp_path):
+    assert refused(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("attribute", "value"), [("format", "geom2iga solution"), ("format", 7), ("version", VERSION + 1), ("version", "1")]
+)
+def test_a_file_of_another_format_or_version_is_refused(whole, attribute, value):
+    with h5py.File(whole, "a") as file:
+        file.attrs[attribute] = value
+    assert refused(whole)
+    with pytest.raises(CaseError, match=f"(?s){FORMAT} version {VERSION}.*{value}"):
+        read_model(whole)
+
+
+def test_somebody_elses_hdf5_file_is_refused(tmp_path):
+    path = tmp_path / "other.h5"
+    with h5py.File(path, "w") as file:
+        file["temperature"] = np.arange(3)
+    assert refused(path)
+
+
+@pytest.mark.parametrize(
+    "part",
+    [
+        *("patches", "patches/0", "patches/0/degrees", "patches/1/knots_2", "patches/0/weights"),
+        *("bodies", "bodies/0/patches", "groups", "groups/3/axis_side", "groups/3/patch"),
+    ],
+)
+def test_a_file_that_lacks_a_part_or_has_nonsense_for_it_is_refused(whole, part):
+    with h5py.File(whole, "a") as file:
+        del file[part]
+    with pytest.raises(CaseError, match="damaged"):
+        read_model(whole)
+    for nonsense in (np.array([[0.5, -7.0]]), 3, "text", ["text"]):
+        with h5py.File(whole, "a") as file:
+            if part in file:
+                del file[part]
+            file[part] = nonsense
+        with pytest.raises(CaseError, match="damaged"):
+            read_model(whole)
+
+
+def test_a_failed_write_leaves_the_old_file_and_no_temporary(whole, monkeypatch):
+    before = whole.read_bytes()
+
+    def fail(file, model):
+        file["half"] = np.zeros(100)
+        raise OSError("the disk is full")
+
+    monkeypatch.setattr(files, "put_model", fail)
+    with pytest.raises(OSError, match="disk is full"):
+        write_model(whole, Model({}, {}, {}), "other")
+    assert list(whole.parent.iterdir()) == [whole]
+    assert whole.read_bytes() == before
+
+
+def test_a_first_write_that_fails_leaves_nothing(tmp_path, monkeypatch):
+    monkeypatch.setattr(files, "put_model", lambda file, model: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        write_model(tmp_path / "geometry.h5", Model({}, {}, {}))
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_file_appears_under_its_name_only_when_it_is_whole(tmp_path):
+    path = tmp_path / "table.csv"
+    path.write_text("old")
+    with replacing(path) as temporary:
+        temporary.write_text("new")
+        assert path.read_text() == "old"
+        assert temporary.suffix == ".csv"  # many writers choose the format by it
+    assert path.read_text() == "new"
+    assert list(tmp_path.iterdir()) == [path]

@@ -1,0 +1,86 @@
+from dataclasses import FrozenInstanceError, replace
+
+import pytest
+
+from geom2iga.errors import CaseError
+from geom2iga.model import SIDES, Model, block_groups
+from geom2iga.patch import Face, Patch, evaluate, surface
+from tests.cases import block_patch, model_of
+from tests.oracles import assert_same_patch
+
+
+def test_the_six_sides_of_a_block_lie_where_their_names_say():
+    patch = block_patch(size=(1, 2, 3))
+    model = model_of(patch)
+    lies_at = {"left": (0, 0), "right": (0, 1), "front": (1, 0), "back": (1, 2), "bottom": (2, 0), "top": (2, 3)}
+    assert set(lies_at) == set(SIDES)
+    for side, (coordinate, value) in lies_at.items():
+        (face,) = model.faces(f"block/{side}")
+        points = evaluate(model.surface(face), [[0, 0], [1, 1], [0.3, 0.6]])[0]
+        assert points[:, coordinate] == pytest.approx(value)
+
+
+def test_a_surface_of_a_model_is_the_face_of_its_patch():
+    model = model_of(block_patch("lower"), block_patch("upper", origin=(0, 0, 1)))
+    face = Face("upper", 1, 0)
+    assert_same_patch(model.surface(face), surface(model.patches["upper"], face))
+
+
+def test_a_patch_knows_its_body():
+    one, two, three = (block_patch(name) for name in ("one", "two", "three"))
+    model = Model({p.name: p for p in (one, two, three)}, {"a": ("one", "three"), "b": ("two",)}, {})
+    assert [model.body_of(name) for name in ("one", "two", "three")] == ["a", "b", "a"]
+
+
+def test_a_misspelt_face_gets_the_nearest_name():
+    model = model_of(block_patch("lower"))
+    with pytest.raises(CaseError, match=r'"lower/tap".*did you mean "lower/top"'):
+        model.faces("lower/tap")
+
+
+def test_models_never_change():
+    bodies = {"block": ("block",)}
+    model = Model({"block": block_patch()}, bodies, block_groups("block"))
+    bodies["other"] = ()
+    assert list(model.bodies) == ["block"]
+    with pytest.raises(FrozenInstanceError):
+        model.bodies = {}
+    for name in ("patches", "bodies", "groups"):
+        with pytest.raises(TypeError):
+            getattr(model, name)["new"] = ()
+
+
+@pytest.mark.parametrize(
+    ("fault", "changes"),
+    [
+        ("block", {"bodies": {}}),
+        ("block", {"bodies": {"one": ("block",), "two": ("block",)}}),
+        ("other", {"bodies": {"one": ("block", "other")}}),
+        ('"block" is listed as "other"', {"patches": {"other": block_patch()}, "bodies": {"one": ("other",)}}),
+        ("2 directions", {"patches": {"block": replace(surface(block_patch(), Face("block", 0, 0)), name="block")}}),
+        ('"bottom".*"upper"', {"groups": {"bottom": (Face("upper", 2, 0),)}}),
+    ],
+)
+def test_a_model_that_makes_no_sense_is_refused(fault, changes):
+    whole = {"patches": {"block": block_patch()}, "bodies": {"one": ("block",)}, "groups": {}}
+    Model(**whole)
+    with pytest.raises(ValueError, match=fault):
+        Model(**(whole | changes))
+
+
+@pytest.mark.parametrize(("axis", "side"), [(3, 0), (-1, 0), (0, 2), (0, -1)])
+def test_a_block_has_no_seventh_face(axis, side):
+    with pytest.raises(ValueError, match="block"):
+        Face("block", axis, side)
+
+
+def test_a_model_says_what_it_holds():
+    assert repr(model_of(block_patch("lower"), block_patch("upper"))) == (
+        "Model(bodies lower, upper; 2 patches, 12 face groups)"
+    )
+
+
+def test_a_curve_is_no_body():
+    line = Patch("line", (1,), ([0, 0, 1, 1],), [[0, 0, 0], [1, 0, 0]])
+    with pytest.raises(ValueError, match='"line" has 1 directions'):
+        Model({"line": line}, {"line": ("line",)}, {})

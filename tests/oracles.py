@@ -1,0 +1,82 @@
+"""Laws that many tests assert."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from geom2iga.bspline import Array
+from geom2iga.model import Model
+from geom2iga.patch import Patch, evaluate
+from tests.cases import sample_points
+
+
+def assert_symmetric(matrix: Any, tolerance: float = 1e-12) -> None:
+    """A matrix, sparse or not, equals its transpose, up to a fraction of its largest entry."""
+    assert abs(matrix - matrix.T).max() <= tolerance * abs(matrix).max()
+
+
+def assert_tangent(
+    function: Callable[[Array], Any], derivative: Any, at: Array, step: float = 1e-6, tolerance: float = 1e-6
+) -> None:
+    """A derivative (..., n) of a function of (n,) equals central differences, up to a fraction of its largest entry."""
+    columns = [
+        (np.asarray(function(at + step * axis)) - np.asarray(function(at - step * axis))) / (2 * step)
+        for axis in np.eye(len(at))
+    ]
+    differences = np.stack(columns, axis=-1)
+    scale = max(np.abs(differences).max(initial=0.0), np.abs(np.asarray(derivative)).max(initial=0.0), 1e-12)
+    np.testing.assert_allclose(derivative, differences, rtol=0, atol=tolerance * scale)
+
+
+def assert_order(errors: Sequence[float], sizes: Sequence[float], order: float, tolerance: float = 0.15) -> None:
+    """Errors on the finest two of several sizes fall with a power of the size."""
+    observed = np.log(errors[-2] / errors[-1]) / np.log(sizes[-2] / sizes[-1])
+    assert abs(observed - order) <= tolerance, f"observed order {observed:.3f}, expected {order}; errors {errors}"
+
+
+def assert_rigid_motion_costs_nothing(operator: Any, points: Array, tolerance: float = 1e-11) -> None:
+    """A matrix (r, 3 n) takes the three slides and the three turns of points (n, 3) to zero, up to rounding."""
+    size = np.ptp(points, axis=0).max()
+    arm = (points - points.mean(axis=0)) / size
+    motions = [np.broadcast_to(axis, points.shape) for axis in np.eye(3)] + [np.cross(axis, arm) for axis in np.eye(3)]
+    for motion in motions:
+        assert np.abs(operator @ motion.ravel()).max() <= tolerance * abs(operator).max()
+
+
+def assert_balanced(forces: Array, points: Array, tolerance: float = 1e-12) -> None:
+    """Forces (n, 3) at points (n, 3) add up to no force and no moment, up to a fraction of the sum of their sizes."""
+    total = np.linalg.norm(forces, axis=1).sum()
+    assert np.abs(forces.sum(axis=0)).max() <= tolerance * total
+    assert np.abs(np.cross(points, forces).sum(axis=0)).max() <= tolerance * total * max(1.0, np.abs(points).max())
+
+
+def assert_round_trip(there: Callable[[Any], Any], back: Callable[[Any], Any], thing: Any, same: Any) -> None:
+    """There and back again gives the same thing; `same` asserts that two things are."""
+    same(back(there(thing)), thing)
+
+
+def assert_same_patch(found: Patch, expected: Patch) -> None:
+    """Two patches agree bit for bit."""
+    assert (found.name, found.degrees) == (expected.name, expected.degrees)
+    assert [knots.tobytes() for knots in found.knots] == [knots.tobytes() for knots in expected.knots]
+    for name in ("control_points", "weights"):
+        assert getattr(found, name).shape == getattr(expected, name).shape
+        assert getattr(found, name).tobytes() == getattr(expected, name).tobytes(), name
+
+
+def assert_same_model(found: Model, expected: Model) -> None:
+    """Two models agree bit for bit, and in the sequence of all names."""
+    for name in ("patches", "bodies", "groups"):
+        assert list(getattr(found, name)) == list(getattr(expected, name)), name
+    assert dict(found.bodies) == dict(expected.bodies)
+    assert dict(found.groups) == dict(expected.groups)
+    for name, patch in expected.patches.items():
+        assert_same_patch(found.patches[name], patch)
+
+
+def assert_same_map(found: Patch, expected: Patch, tolerance: float = 1e-13) -> None:
+    """Two patches map the same parametric points to the same places, up to a fraction of the farthest control point."""
+    xi = sample_points(expected)
+    scale = np.abs(expected.control_points).max()
+    np.testing.assert_allclose(evaluate(found, xi)[0], evaluate(expected, xi)[0], rtol=0, atol=tolerance * scale)
