@@ -1,0 +1,99 @@
+"""The [solve] table of the case file."""
+
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field, field_validator, model_validator
+
+from geom2iga.case import Count, Number, Positive, Table, Vector
+
+
+class Material(Table):
+    """Isotropic linear elasticity of some bodies."""
+
+    bodies: tuple[str, ...] | None = Field(None, description="names of bodies; left out: all")
+    young: Positive = Field(description="Young's modulus [stress]")
+    poisson: Annotated[Number, Field(gt=-1, lt=0.5)] = Field(description="Poisson's ratio, above -1 and below 0.5")
+
+
+class Support(Table):
+    """Prescribed displacement of a face."""
+
+    on: str = Field(description='face, such as "lower/bottom"')
+    ux: Number | None = Field(None, description="displacement along x [length]")
+    uy: Number | None = Field(None, description="displacement along y [length]")
+    uz: Number | None = Field(None, description="displacement along z [length]")
+    normal: Number | None = Field(None, description="displacement along the outward normal of a plane face [length]")
+
+    @model_validator(mode="after")
+    def _prescribes(self) -> Self:
+        if all(value is None for value in (self.ux, self.uy, self.uz, self.normal)):
+            raise ValueError("prescribes nothing: give ux, uy, uz or normal")
+        return self
+
+
+class Load(Table):
+    """Pressure or traction on a face."""
+
+    on: str = Field(description='face, such as "upper/top"')
+    pressure: Number | None = Field(None, description="pushes into the body [stress]")
+    traction: Vector | None = Field(None, description="force per area [stress]")
+    exposed: bool = Field(False, strict=True, description="only where the face's contact partner does not cover it")
+
+    @model_validator(mode="after")
+    def _loads(self) -> Self:
+        if (self.pressure is None) == (self.traction is None):
+            raise ValueError("give either pressure or traction")
+        return self
+
+
+class BodyForce(Table):
+    """Force per volume of some bodies."""
+
+    bodies: tuple[str, ...] | None = Field(None, description="names of bodies; left out: all")
+    force: Vector = Field(description="force per volume")
+
+
+class Contact(Table):
+    """A pair of faces that may touch."""
+
+    secondary: str = Field(description="face whose control points carry the pressure")
+    primary: str = Field(description="face whose normal defines the gap")
+    method: Literal["mortar"] = Field("mortar", description="mortar-KTS")
+    enforcement: Literal["penalty"] = Field("penalty", description="pressure from overlap")
+    penalty: Positive | Literal["auto"] = Field("auto", description="pressure per overlap; auto: 10 E/h")
+    integration: Literal["segment", "element"] = Field(
+        "segment", description="cells cut along the knot lines of both sides, or the secondary's spans"
+    )
+    points: Count | None = Field(None, description="Gauss points per cell and direction; left out: enough")
+
+    @field_validator("penalty", mode="before")
+    @classmethod
+    def _number_or_auto(cls, value: Any) -> Any:
+        number = isinstance(value, int | float) and not isinstance(value, bool) and 0 < value < float("inf")
+        if not number and value != "auto":
+            raise ValueError(f'should be a positive number or "auto", found {value}')
+        return value
+
+
+class Newton(Table):
+    """When the semismooth Newton iteration ends."""
+
+    max_steps: Count = Field(50, description="most Newton steps")
+    tolerance: Positive = Field(1e-10, description="residual over the largest force on a control point")
+
+
+class Solve(Table):
+    """The [solve] table: materials, supports, loads, contacts."""
+
+    material: tuple[Material, ...] = Field(min_length=1, description="one entry per kind of material")
+    support: tuple[Support, ...] = ()
+    load: tuple[Load, ...] = ()
+    body_force: tuple[BodyForce, ...] = ()
+    contact: tuple[Contact, ...] = ()
+    newton: Newton = Newton()
+
+
+class SolveCase(Table):
+    """What the second stage reads of a case."""
+
+    solve: Solve

@@ -1,0 +1,1 @@
+"""Contact of two faces: search, projection, cells, mortar integrals, laws."""

@@ -1,0 +1,65 @@
+"""solution.h5: a result written and read back exactly."""
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from geom2iga.files import get_model, opened, put_model, replacing
+from solve.case import Contact
+from solve.material import Material
+from solve.newton import Status, Step
+from solve.result import ContactResult, Result, State
+
+FORMAT, VERSION = "geom2iga solution", 1
+
+
+def write_result(path: str | Path, result: Result, stamp: str = "") -> None:
+    """Write a result to solution.h5, with its model; the file appears under its name only when it is whole."""
+    with replacing(Path(path)) as temporary, h5py.File(temporary, "w") as file:
+        file.attrs.update({"format": FORMAT, "version": VERSION, "stamp": stamp, "status": result.status.name})
+        file.attrs["statistics"] = json.dumps(dict(result.statistics))
+        file.attrs["materials"] = json.dumps({name: asdict(m) for name, m in result.materials.items()})
+        file.attrs["history"] = json.dumps([asdict(step) for step in result.history])
+        put_model(file.create_group("model"), result.model)
+        for number, state in enumerate(result.states):
+            _put(file, f"states/{number}", state, ("displacement", "pressure", "active", "load_factor"))
+        for number, contact in enumerate(result.contacts):
+            _put(file, f"contacts/{number}", contact, CONTACT_ARRAYS)
+            file[f"contacts/{number}"].attrs["definition"] = contact.definition.model_dump_json()
+
+
+CONTACT_ARRAYS = ("penalty", "control_points", "control_area", "control_gap", "pressure", "active", "force")
+
+
+def read_result(path: str | Path) -> Result:
+    """Read solution.h5; raise CaseError where it is missing or damaged."""
+    with opened(Path(path), FORMAT, VERSION) as file:
+        states = [file[f"states/{n}"] for n in range(len(file.get("states", ())))]
+        contacts = [file[f"contacts/{n}"] for n in range(len(file.get("contacts", ())))]
+        return Result(
+            Status[file.attrs["status"]],
+            get_model(file["model"]),
+            {name: Material(**values) for name, values in json.loads(file.attrs["materials"]).items()},
+            tuple(State(**_get(group, ("displacement", "pressure", "active", "load_factor"))) for group in states),
+            tuple(
+                ContactResult(Contact.model_validate_json(group.attrs["definition"]), **_get(group, CONTACT_ARRAYS))
+                for group in contacts
+            ),
+            tuple(Step(**step) for step in json.loads(file.attrs["history"])),
+            json.loads(file.attrs["statistics"]),
+        )
+
+
+def _put(file: Any, name: str, record: object, fields: tuple[str, ...]) -> None:
+    group = file.create_group(name)
+    for field in fields:
+        group[field] = getattr(record, field)
+
+
+def _get(group: Any, fields: tuple[str, ...]) -> dict[str, Any]:
+    values = {field: group[field][()] for field in fields}
+    return {field: value if isinstance(value, np.ndarray) else value.item() for field, value in values.items()}

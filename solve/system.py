@@ -1,0 +1,103 @@
+"""Energy, residual and tangent of the whole problem in its free unknowns."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csr_array, diags_array
+
+from geom2iga.bspline import Array, Mask
+from solve.constraints import AffineMap
+from solve.contact.laws import Penalty
+from solve.contact.mortar import Mortar
+from solve.rigid import kernel
+
+
+@dataclass(frozen=True, eq=False)
+class System:
+    """Π(v) = ½ vᵀK v - fᵀv + ½ Σ_A ε A_A min(g_A, 0)², g_A = (G_A·v + g0_A) / A_A: convex, piecewise quadratic.
+
+    Parameters
+    ----------
+    stiffness : (free, free)
+    load : (free,)
+    gap_operator : (m, free)
+    initial_gap : (m,) [length³]
+    area : (m,) [length²]
+    law : Penalty
+    rigid : (free, k)
+        Rigid motions that the supports leave free.
+    """
+
+    stiffness: csr_array
+    load: Array
+    gap_operator: csr_array
+    initial_gap: Array
+    area: Array
+    law: Penalty
+    rigid: Array
+
+    def control_gaps(self, free: Array) -> Array:
+        """Control-point gaps (m,) [length], positive where open.                    paper, eq. (25)"""
+        return (self.gap_operator @ free + self.initial_gap) / self.area
+
+    def contact_forces(self, gap: Array) -> Array:
+        """Forces (free,) of the contact pressure.                                   paper, eq. (27)"""
+        return self.gap_operator.T @ self.law.pressure(gap)
+
+    def energy(self, free: Array) -> float:
+        """Total potential energy."""
+        quadratic = 0.5 * free @ (self.stiffness @ free) - self.load @ free
+        return float(quadratic) + self.law.energy(self.control_gaps(free), self.area)
+
+    def residual(self, free: Array) -> Array:
+        """Forces out of balance (free,): minus the gradient of the energy.           paper, eq. (29)"""
+        return self.load - self.stiffness @ free + self.contact_forces(self.control_gaps(free))
+
+    def tangent(self, active: Mask) -> csr_array:
+        """Second derivative of the energy while the given control points (m,) bool touch.   paper, eq. (30)"""
+        scale = np.where(active, self.law.stiffness / self.area, 0.0)
+        rows = np.flatnonzero(scale)
+        operator = self.gap_operator[rows]
+        return csr_array(self.stiffness + operator.T @ (diags_array(scale[rows]) @ operator))
+
+    def force_scale(self, free: Array) -> float:
+        """Largest force on a control point among loads, stresses and contact, to compare residuals with."""
+        parts = (self.load, self.stiffness @ free, self.contact_forces(self.control_gaps(free)))
+        return float(max(np.abs(part).max(initial=0.0) for part in parts))
+
+    def loose(self, active: Mask) -> Array:
+        """Orthonormal rigid motions (free, f) that neither supports nor the given control points, pressed, resist."""
+        rows = (self.gap_operator[active] @ self.rigid) / self.area[active, None]
+        return np.linalg.qr(self.rigid @ kernel(rows))[0]
+
+    def holds(self, active: Mask) -> bool:
+        """Whether the given control points, pressed, hold all rigid motions that the supports leave free."""
+        count = self.rigid.shape[1]
+        if count == 0:
+            return True
+        rows = (self.gap_operator[active] @ self.rigid) / self.area[active, None]
+        return len(rows) >= count and bool(np.linalg.svd(rows, compute_uv=False)[-1] > 1e-6)
+
+
+def reduced_system(
+    stiffness: csr_array, load: Array, mortar: Mortar, law: Penalty, allowed: AffineMap, rigid: Array
+) -> System:
+    """Restrict the problem to the displacements that the supports allow.
+
+    Parameters
+    ----------
+    stiffness : (dofs, dofs)
+    load : (dofs,)
+    rigid : (dofs, k)
+        Rigid motions that the supports leave free.
+    """
+    matrix = allowed.matrix
+    return System(
+        csr_array(matrix.T @ stiffness @ matrix),
+        matrix.T @ (load - stiffness @ allowed.offset),
+        csr_array(mortar.gap_operator @ matrix),
+        mortar.initial_gap + mortar.gap_operator @ allowed.offset,
+        mortar.area,
+        law,
+        matrix.T @ rigid,
+    )

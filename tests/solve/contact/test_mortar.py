@@ -1,0 +1,127 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from geom2iga.patch import refined
+from solve.case import Contact, Load
+from solve.contact.cells import find_cells
+from solve.contact.mortar import assemble_mortar, stacked
+from solve.loads import face_load
+from solve.space import number_control_points
+from tests.cases import block_patch, hollow_cylinder, model_of, outline
+from tests.oracles import assert_balanced, assert_rigid_motion_costs_nothing
+from tests.strategies import SEEDS, rotations, stacked_blocks
+
+INTEGRATIONS = st.sampled_from(["segment", "element"])
+
+
+def mortar_of(model, integration="segment", secondary="upper/bottom", primary="lower/top"):
+    space = number_control_points(model)
+    contact = Contact(secondary=secondary, primary=primary, integration=integration)
+    return space, assemble_mortar(space, find_cells(model, contact))
+
+
+@given(st.data(), INTEGRATIONS, st.sampled_from([0.0, 0.1]), rotations())
+def test_motions_that_both_bodies_share_leave_all_gaps(data, integration, height, turn):
+    space, mortar = mortar_of(data.draw(stacked_blocks(height=height, overhang=False, turn=turn)), integration)
+    assert_rigid_motion_costs_nothing(mortar.gap_operator, space.control_points)
+
+
+@given(st.data(), INTEGRATIONS, SEEDS, st.sampled_from([0.0, 0.1]))
+def test_contact_forces_of_any_pressure_balance_each_other(data, integration, seed, height):
+    space, mortar = mortar_of(data.draw(stacked_blocks(height=height, overhang=False)), integration)
+    pressure = np.random.default_rng(seed).random(len(mortar.area))
+    assert_balanced((mortar.gap_operator.T @ pressure).reshape(-1, 3), space.control_points)
+
+
+@given(SEEDS)
+def test_contact_forces_between_curved_faces_balance_each_other(seed):
+    inner, outer = hollow_cylinder(1, 2, 3, "inner"), hollow_cylinder(2.1, 3, 3, "outer")
+    model = model_of(refined(inner, spans=2), refined(outer, spans=3))
+    space, mortar = mortar_of(model, "element", "inner/right", "outer/left")
+    pressure = np.random.default_rng(seed).random(len(mortar.area))
+    assert_balanced((mortar.gap_operator.T @ pressure).reshape(-1, 3), space.control_points, tolerance=1e-10)
+    assert_rigid_motion_costs_nothing(mortar.gap_operator, space.control_points, tolerance=1e-9)
+
+
+@given(st.data(), INTEGRATIONS, st.floats(-1, 1), st.floats(-1, 1), rotations())
+def test_a_constant_gap_is_that_of_every_control_point(data, integration, height, closing, turn):
+    model = data.draw(stacked_blocks(height=height, overhang=False, turn=turn))
+    space, mortar = mortar_of(model, integration)
+    displacement = np.random.default_rng(0).normal(size=3) * np.ones((space.size, 3))
+    displacement[space.body_numbers("lower")] += closing * turn.apply([0, 0, 1])
+    gap = mortar.control_gaps(displacement)
+    np.testing.assert_allclose(gap, height - closing, rtol=0, atol=1e-12)
+
+
+@given(stacked_blocks())
+def test_areas_of_competence_are_positive_and_add_up_to_the_overlap(model):
+    space, mortar = mortar_of(model)
+    area = outline(model, "upper/bottom").intersection(outline(model, "lower/top")).area
+    assert mortar.area.sum() == pytest.approx(area, rel=1e-11)
+    assert np.all(mortar.area > 0)
+    face = space.face_numbers(model.faces("upper/bottom")[0])
+    assert set(mortar.control_points) <= set(face)
+
+
+def test_control_points_off_the_overlap_have_no_area_of_competence():
+    lower = block_patch("lower", size=(2, 2, 1))
+    upper = block_patch("upper", (1, 0.5, 1), size=(3, 1, 1), spans=(3, 1, 1))
+    space, mortar = mortar_of(model_of(lower, upper))
+    np.testing.assert_allclose(space.control_points[mortar.control_points][:, 0].max(), 2)
+
+
+@given(stacked_blocks(overhang=False))
+def test_a_uniform_contact_pressure_loads_the_secondary_face_as_a_pressure_does(model):
+    for integration in ("segment", "element"):
+        space, mortar = mortar_of(model, integration)
+        forces = (mortar.gap_operator.T @ np.ones(len(mortar.area))).reshape(-1, 3)
+        (face,) = model.faces("upper/bottom")
+        expected = face_load(space, face, Load(on="upper/bottom", pressure=1.0))
+        upper = space.body_numbers("upper")
+        np.testing.assert_allclose(forces[upper], expected[upper], rtol=0, atol=1e-12)
+
+
+@given(stacked_blocks(overhang=False))
+def test_a_uniform_contact_pressure_on_the_larger_face_loads_the_covered_one_evenly(model):
+    """With segments, the primary face receives a uniform pressure exactly, whatever the knot lines."""
+    space, mortar = mortar_of(model, secondary="lower/top", primary="upper/bottom")
+    forces = (mortar.gap_operator.T @ np.ones(len(mortar.area))).reshape(-1, 3)
+    (face,) = model.faces("upper/bottom")
+    expected = face_load(space, face, Load(on="upper/bottom", pressure=1.0))
+    upper = space.body_numbers("upper")
+    np.testing.assert_allclose(forces[upper], expected[upper], rtol=0, atol=1e-12)
+
+
+@given(stacked_blocks(), SEEDS, st.floats(-1, 1))
+def test_contact_forces_are_the_adjoint_of_the_gaps(model, seed, height):
+    """The work of any pressures on any motion is that of their forces."""
+    space, mortar = mortar_of(model)
+    random = np.random.default_rng(seed)
+    before, after = random.normal(size=(2, space.size, 3))
+    pressure = random.random(len(mortar.area))
+    work = pressure @ (mortar.area * (mortar.control_gaps(after) - mortar.control_gaps(before)))
+    forces = mortar.gap_operator.T @ pressure
+    assert work == pytest.approx(forces @ (after - before).ravel(), rel=1e-9, abs=1e-12)
+
+
+def test_stacked_mortars_keep_their_gaps_one_contact_after_the_other():
+    lower = block_patch("lower", size=(3, 1, 1))
+    space = number_control_points(
+        model_of(lower, block_patch("one", (0, 0, 1.1)), block_patch("two", (2, 0, 1.2), degree=2))
+    )
+    parts = []
+    for name in ("one", "two"):
+        contact = Contact(secondary=f"{name}/bottom", primary="lower/top")
+        parts.append(assemble_mortar(space, find_cells(space.model, contact)))
+    both = stacked(parts, space.dofs)
+    displacement = np.random.default_rng(0).normal(size=(space.size, 3))
+    expected = np.concatenate([part.control_gaps(displacement) for part in parts])
+    np.testing.assert_array_equal(both.control_gaps(displacement), expected)
+    np.testing.assert_array_equal(both.control_points, np.concatenate([part.control_points for part in parts]))
+
+
+def test_no_contact_at_all_has_no_gaps():
+    mortar = stacked([], 24)
+    assert mortar.control_gaps(np.zeros((8, 3))).shape == (0,)

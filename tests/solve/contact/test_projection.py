@@ -1,0 +1,135 @@
+import numpy as np
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from geom2iga.bspline import greville, open_knots
+from geom2iga.patch import Face, Patch, evaluate, surface
+from solve.contact.projection import closest_points
+from tests.cases import bent_patch, block_patch, hollow_cylinder
+from tests.strategies import SEEDS, rotations
+
+
+def wavy_surface(seed, degree=2, spans=3, height=0.05):
+    """A graph over the unit square with random heights of its control points and uneven weights."""
+    random = np.random.default_rng(seed)
+    knots = open_knots(np.linspace(0, 1, spans + 1), degree)
+    at = greville(knots, degree)
+    x, y = np.meshgrid(at, at, indexing="ij")
+    points = np.stack([x, y, height * random.uniform(-1, 1, x.shape)], axis=-1)
+    return Patch("wavy", (degree, degree), (knots, knots), points, random.uniform(0.8, 1.25, x.shape))
+
+
+def distances_by_search(patch, points, count=200):
+    """Distances to the nearest of a fine grid of surface points: never below the true ones."""
+    axis = np.linspace(0, 1, count)
+    grid = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2)
+    on_surface = evaluate(patch, grid)[0]
+    return np.array([np.linalg.norm(on_surface - point, axis=1).min() for point in points])
+
+
+def bottom(patch):
+    return surface(patch, Face(patch.name, 2, 0))
+
+
+@given(rotations(), SEEDS)
+def test_the_foot_on_a_plane_lies_straight_below(turn, seed):
+    random = np.random.default_rng(seed)
+    patch = bottom(block_patch(size=(3, 2, 1), degree=2, spans=(3, 2, 1), turn=turn))
+    flat, height = random.random((20, 2)) * [3, 2], random.normal(size=20)
+    points = turn.apply(np.column_stack([flat, height]))
+    foot = closest_points(patch, points)
+    np.testing.assert_allclose(foot.xi, flat / [3, 2], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(foot.points, turn.apply(np.column_stack([flat, np.zeros(20)])), rtol=0, atol=1e-12)
+    assert foot.inside.all()
+
+
+@given(SEEDS, st.floats(0.3, 3), st.sampled_from([0, 1]))
+def test_the_foot_on_a_rational_cylinder_lies_on_the_ray_from_the_axis(seed, stretch, side):
+    random = np.random.default_rng(seed)
+    patch = surface(hollow_cylinder(inner=1.0, outer=2.0, height=3.0), Face("ring", 0, side))
+    angle, height = random.uniform(0, np.pi / 2, 20), random.uniform(0, 3, 20)
+    ray = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(20)])
+    on_surface = (1 + side) * ray + height[:, None] * [0, 0, 1]
+    foot = closest_points(patch, on_surface + (1 + side) * (stretch - 1) * ray)
+    np.testing.assert_allclose(foot.points, on_surface, rtol=0, atol=1e-10)
+    assert foot.inside.all()
+
+
+def test_the_foot_on_an_octant_of_a_sphere_lies_on_the_ray_from_the_centre():
+    """The octant is a surface of revolution of a quarter circle, with one edge shrunk to the pole."""
+    half = 0.5**0.5
+    arc = np.array([[1.0, 0, 0], [1, 0, 1], [0, 0, 1]])
+    around = np.array([[1.0, 0, 0], [1, 1, 0], [0, 1, 0]])
+    points = np.array([[p[0] * q + [0, 0, p[2]] for q in around] for p in arc])
+    weights = np.outer([1, half, 1], [1, half, 1])
+    knots = open_knots([0, 1], 2)
+    sphere = Patch("sphere", (2, 2), (knots, knots), points, weights)
+    directions = np.random.default_rng(0).uniform(0.1, 1, (50, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    for radius in (0.5, 0.99, 1.0, 1.2, 4.0):
+        foot = closest_points(sphere, radius * directions)
+        np.testing.assert_allclose(foot.points, directions, rtol=0, atol=1e-9)
+        assert foot.inside.all()
+
+
+@given(seed=SEEDS, degree=st.integers(2, 4))
+@example(seed=139, degree=4)  # one point lies beyond a border whose bend would send Newton's method back and forth
+def test_no_point_of_a_smooth_surface_nearby_is_closer_than_the_foot(seed, degree):
+    random = np.random.default_rng(seed)
+    patch = wavy_surface(seed, degree)
+    points = evaluate(patch, random.random((15, 2)))[0] + random.uniform(-0.07, 0.07, (15, 3))
+    foot = closest_points(patch, points)
+    found = np.linalg.norm(foot.points - points, axis=1)
+    assert np.all(found <= distances_by_search(patch, points) + 1e-12)
+
+
+@given(SEEDS, st.integers(1, 3))
+def test_points_of_the_surface_are_their_own_feet(seed, degree):
+    patch = wavy_surface(seed, degree)
+    xi = np.random.default_rng(seed).random((20, 2))
+    points = evaluate(patch, xi)[0]
+    foot = closest_points(patch, points)
+    np.testing.assert_allclose(foot.xi, xi, rtol=0, atol=1e-10)
+    np.testing.assert_allclose(foot.points, points, rtol=0, atol=1e-12)
+    assert foot.inside.all()
+
+
+@given(SEEDS)
+def test_inside_means_that_the_connecting_line_is_normal_to_the_surface(seed):
+    random = np.random.default_rng(seed)
+    patch = wavy_surface(seed)
+    points = random.uniform([-0.5, -0.5, -0.3], [1.5, 1.5, 0.3], (30, 3))
+    foot = closest_points(patch, points)
+    feet, tangents = evaluate(patch, foot.xi, 1)
+    np.testing.assert_allclose(foot.points, feet, rtol=0, atol=0)
+    slope = np.abs(np.einsum("qk,qkd->qd", feet - points, tangents)).max(axis=1)
+    assert np.all(slope[foot.inside] < 1e-8)
+    assert np.all(slope[~foot.inside] > 1e-9)
+    on_border = np.any((foot.xi == 0) | (foot.xi == 1), axis=1)
+    assert np.all(on_border[~foot.inside])
+
+
+def test_points_beyond_the_border_have_the_nearest_border_point_as_foot_and_are_not_inside():
+    patch = bottom(block_patch(size=(2, 1, 1), degree=2, spans=(2, 2, 1)))
+    points = np.array([[3.0, 0.5, 0.2], [-1, 0.25, 0], [1, 1.5, -0.3], [2.5, -0.5, 0.1]])
+    foot = closest_points(patch, points)
+    np.testing.assert_allclose(foot.points, [[2, 0.5, 0], [0, 0.25, 0], [1, 1, 0], [2, 0, 0]], rtol=0, atol=1e-12)
+    assert not foot.inside.any()
+
+
+def test_points_straight_above_the_border_are_inside():
+    patch = bottom(block_patch())
+    above = np.array([[0.0, 0.3, 0.5], [1, 1, 0.2], [0.7, 0, 1]])
+    assert closest_points(patch, above).inside.all()
+
+
+def test_a_start_on_the_right_span_gives_the_same_foot():
+    patch = surface(bent_patch(5, spans=(2, 2, 1)), Face("bent", 2, 1))
+    xi = np.random.default_rng(0).random((20, 2))
+    points = evaluate(patch, xi)[0]
+    start = np.where(xi < 0.5, 0.25, 0.75)
+    np.testing.assert_allclose(closest_points(patch, points, start).xi, xi, rtol=0, atol=1e-10)
+
+
+def test_no_points_have_no_feet():
+    assert closest_points(wavy_surface(0), np.empty((0, 3))).xi.shape == (0, 2)
