@@ -1,0 +1,80 @@
+"""The command iga-post: solution.h5 to VTU files, pictures, summary and checks."""
+
+import json
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from geom2iga.case import Case, checked
+from geom2iga.errors import CaseError, VerificationError
+from geom2iga.stage import Stage, fingerprint, log, run_command
+from post.case import PostCase
+from post.export import export
+from solve import __main__ as solution
+from solve.files import read_result
+
+FILE = "summary.json"
+
+
+def stamp(case: Case, folder: Path) -> str:
+    """Fingerprint the solution and what [post] and [[verify]] ask for."""
+    before = solution.stamp(case, folder)
+    if solution.STAGE.written(folder) != before:
+        raise CaseError(f"{folder / solution.FILE} is missing or not made from this case: run iga-solve first")
+    return fingerprint(before, checked(case, PostCase).model_dump())
+
+
+def written(folder: Path) -> str | None:
+    """Return the stamp of summary.json, if all files that it lists are there and all checks passed."""
+    try:
+        found = summary(folder)
+        whole = all((folder / name).is_file() for name in found["files"])
+        passed = all(check["passed"] for check in found["verify"])
+        return str(found["stamp"]) if whole and passed else None
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+def run(case: Case, folder: Path, stamp: str) -> None:
+    """Write everything; raise VerificationError where a known answer was missed."""
+    began = time.perf_counter()
+    found = export(read_result(folder / solution.FILE), case, folder, stamp)
+    log.info("post: %d files in %s, %.2f s", len(found["files"]) + 1, folder, time.perf_counter() - began)
+    missed = [check for check in found["verify"] if not check["passed"]]
+    for check in found["verify"]:
+        log.info(
+            "verify: %s within %.1e of the exact answer (allowed %.1e): %s",
+            check["quantity"] if check["on"] is None else f'{check["quantity"]} on "{check["on"]}"',
+            check["difference"],
+            check["tolerance"],
+            "passed" if check["passed"] else "MISSED",
+        )
+    if missed:
+        first = missed[0]
+        raise VerificationError(
+            f"{len(missed)} of {len(found['verify'])} checks missed: {first['quantity']} is {first['found']}, "
+            f"expected {first['expected']} within {first['tolerance']:g}"
+        )
+
+
+def summary(folder: Path) -> Mapping[str, Any]:
+    """Read summary.json."""
+    return json.loads((folder / FILE).read_text(encoding="utf-8"))
+
+
+def plan(case: Case) -> str:
+    """Say what would be written."""
+    return f"VTU files, pictures, summary and {len(checked(case, PostCase).verify)} checks"
+
+
+STAGE = Stage("iga-post", PostCase, stamp, written, plan, run, summary)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command and return its exit code."""
+    return run_command("Write files, pictures and checks of a solved case.", [STAGE], arguments)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,61 @@
+"""The [post] table and the [[verify]] entries of the case file."""
+
+from typing import Literal, Self
+
+from pydantic import Field, model_validator
+
+from geom2iga.case import Count, Number, Positive, Table, Units
+
+Quantity = Literal[
+    "stress",
+    "stress_xx",
+    "stress_yy",
+    "stress_zz",
+    "stress_xy",
+    "stress_yz",
+    "stress_xz",
+    "von_mises",
+    "displacement",
+    "ux",
+    "uy",
+    "uz",
+    "pressure",
+    "contact_force",
+]
+COMPONENTS = {"stress": 6, "displacement": 3, "contact_force": 3}
+ON_CONTACTS = ("pressure", "contact_force")
+
+
+class Post(Table):
+    """The [post] table: what to write."""
+
+    samples: Count = Field(4, ge=2, le=64, description="sample points per span and direction")
+    pictures: bool = Field(True, strict=True, description="draw the pictures")
+    deformation: Positive | None = Field(None, description="factor on displacements in pictures; left out: chosen")
+
+
+class Verify(Table):
+    """A known answer that the case must show."""
+
+    quantity: Quantity = Field(description="what is compared, at every sample point")
+    value: Number | tuple[Number, ...] = Field(description="the exact value, a list for stress (6) and vectors (3)")
+    tolerance: Positive = Field(description="largest difference allowed")
+    on: str | None = Field(None, description="a body, a face or a secondary face; left out: everywhere")
+    source: str = Field("", description="where the exact value comes from")
+
+    @model_validator(mode="after")
+    def _has_its_components(self) -> Self:
+        wanted = COMPONENTS.get(self.quantity, 1)
+        found = len(self.value) if isinstance(self.value, tuple) else 1
+        if wanted != found:
+            raise ValueError(f"value: {self.quantity} has {wanted} components, found {found}")
+        return self
+
+
+class PostCase(Table):
+    """What the third stage reads of a case."""
+
+    title: str = ""
+    units: Units = Units()
+    post: Post = Post()
+    verify: tuple[Verify, ...] = ()

@@ -1,0 +1,101 @@
+"""The [[verify]] entries: computed against known answers."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from geom2iga.bspline import Array
+from geom2iga.case import Source, checked
+from geom2iga.errors import CaseError, suggestion
+from post.case import ON_CONTACTS, PostCase, Verify
+from post.fields import BodySamples, sample_contact, sample_face, sample_patch
+from solve.material import VOIGT
+from solve.result import Result
+
+
+@dataclass(frozen=True)
+class Check:
+    """One entry with what was found."""
+
+    quantity: str
+    on: str | None
+    expected: float | list[float]
+    found: float | list[float]  # where it differs most
+    difference: float
+    tolerance: float
+    passed: bool
+    source: str
+
+
+def verify(result: Result, source: Source) -> tuple[Check, ...]:
+    """Compare a result with the known answers of a case, at all sample points.
+
+    Parameters
+    ----------
+    result : Result
+        Converged.
+    source : path, dict, Case or PostCase
+
+    Raises
+    ------
+    CaseError
+        An entry that names something the model does not have.
+    """
+    case = checked(source, PostCase)
+    checks = []
+    for number, entry in enumerate(case.verify):
+        try:
+            parts = list(_values(result, entry, case.post.samples))
+            values = np.concatenate([part.reshape(len(part), -1) for part in parts])
+        except CaseError as error:
+            raise CaseError(f"verify[{number}]: {error}") from None
+        difference = np.abs(values - np.array(entry.value)).max(axis=1)
+        worst = int(np.argmax(np.where(np.isnan(difference), np.inf, difference)))
+        found = values[worst].tolist() if isinstance(entry.value, tuple) else float(values[worst, 0])
+        expected = list(entry.value) if isinstance(entry.value, tuple) else entry.value
+        passed = bool(difference[worst] <= entry.tolerance)
+        largest = float(difference[worst])
+        checks.append(Check(entry.quantity, entry.on, expected, found, largest, entry.tolerance, passed, entry.source))
+    return tuple(checks)
+
+
+def _values(result: Result, entry: Verify, samples: int) -> Iterator[Array]:
+    """Yield arrays (q,) or (q, k) of a quantity, one per patch, face or contact."""
+    if entry.quantity in ON_CONTACTS:
+        yield from _contact_values(result, entry, samples)
+        return
+    for part in _samples(result, entry.on, samples):
+        if entry.quantity.startswith("stress_"):
+            names = ["".join("xyz"[i] for i in pair) for pair in VOIGT]
+            yield part.stress[:, names.index(entry.quantity.removeprefix("stress_"))]
+        elif entry.quantity in ("ux", "uy", "uz"):
+            yield part.displacement[:, "xyz".index(entry.quantity[1])]
+        else:
+            yield getattr(part, entry.quantity)
+
+
+def _samples(result: Result, on: str | None, samples: int) -> Iterator[BodySamples]:
+    """Sample a body, a face, or everything."""
+    model = result.model
+    if on is not None and on not in model.bodies and on not in model.groups:
+        raise CaseError(f'there is no body or face "{on}"; {suggestion(on, [*model.bodies, *model.groups])}')
+    for face in model.groups.get(on or "", ()):
+        yield sample_face(result, face, samples)
+    for body in model.bodies if on is None else [on] if on in model.bodies else []:
+        for name in model.bodies[body]:
+            yield sample_patch(result, name, samples)
+
+
+def _contact_values(result: Result, entry: Verify, samples: int) -> Iterator[Array]:
+    """Yield pressure where the primary side lies opposite, or the force on the secondary body."""
+    contacts = [c for c in result.contacts if entry.on in (None, c.definition.secondary)]
+    if not contacts:
+        known = [contact.definition.secondary for contact in result.contacts]
+        raise CaseError(f'there is no contact with the secondary face "{entry.on}"; {suggestion(str(entry.on), known)}')
+    for contact in contacts:
+        if entry.quantity == "contact_force":
+            yield contact.force[None, :]
+        else:
+            for part in sample_contact(result, contact, samples):
+                yield part.pressure[~np.isnan(part.gap)]

@@ -1,0 +1,71 @@
+import numpy as np
+import pytest
+
+from geom2iga import Face, evaluate
+from post.fields import sample_at, sample_contact, sample_face, sample_grid, sample_patch
+
+
+@pytest.mark.parametrize("samples", [2, 3, 5])
+def test_cells_of_a_sample_grid_fill_the_body_once(bent, samples):
+    for name, patch in bent.model.patches.items():
+        part = sample_patch(bent, name, samples)
+        corners = part.points[part.cells]
+        edges = corners[:, [1, 3, 4]] - corners[:, :1]
+        assert np.linalg.det(edges).sum() == pytest.approx(2 * 2 * 1 if name == "lower" else 1, rel=1e-12)
+        spans = np.prod([len(at) - 1 for at in patch.breaks])
+        assert len(part.cells) == spans * (samples - 1) ** 3
+
+
+def test_displacement_gradient_behind_the_stress_agrees_with_differences(bent):
+    patch, step = bent.model.patches["upper"], 1e-6
+    xi = np.random.default_rng(1).uniform(0.1, 0.9, (20, 3))
+    position, jacobian = evaluate(patch, xi, 1)
+    gradient = np.empty((20, 3, 3))
+    for d in range(3):
+        ahead, behind = (sample_at(bent, "upper", xi + s * step * np.eye(3)[d]).displacement for s in (1, -1))
+        gradient[:, :, d] = (ahead - behind) / (2 * step)
+    stress = bent.materials["upper"].stress(gradient @ np.linalg.inv(jacobian))
+    part = sample_at(bent, "upper", xi)
+    np.testing.assert_allclose(part.stress, stress, atol=1e-6)
+    np.testing.assert_allclose(part.points, position)
+
+
+def test_values_at_the_end_of_a_span_are_those_from_inside(case):
+    import geom2iga
+    import solve
+
+    linear = case.changed({"geometry.degree": 1, "solve.load.0": {"on": "upper/top", "traction": [0.0, 0.3, -1.0]}})
+    result = solve.solve(geom2iga.build(linear), linear)
+    grid = sample_grid(result.model.patches["upper"], 2)
+    at_ends = sample_at(result, "upper", grid.xi, grid.spans).stress
+    knots = result.model.patches["upper"].knots[0]
+    left, right = knots[grid.spans[:, 0]], knots[grid.spans[:, 0] + 1]
+    inside = grid.xi.copy()
+    inside[:, 0] = np.clip(inside[:, 0], left + 1e-9, right - 1e-9)
+    np.testing.assert_allclose(at_ends, sample_at(result, "upper", inside, grid.spans).stress, atol=1e-6)
+    assert np.abs(at_ends - sample_at(result, "upper", grid.xi).stress).max() > 1e-2  # the stress does jump
+
+
+def test_a_face_is_sampled_where_the_body_ends(bent):
+    patch = bent.model.patches["lower"]
+    for axis, low, high in ((0, 0.0, 2.0), (1, 0.0, 2.0), (2, 0.0, 1.0)):
+        for side, place in ((0, low), (1, high)):
+            part = sample_face(bent, Face(patch.name, axis, side), 3)
+            np.testing.assert_allclose(part.points[:, axis], place, atol=1e-14)
+
+
+def test_pressure_and_gap_obey_the_penalty_law_in_the_uniform_case(patch_test):
+    (part,) = sample_contact(patch_test, patch_test.contacts[0], 4)
+    np.testing.assert_allclose(part.pressure, 1.0, atol=1e-11)
+    np.testing.assert_allclose(part.gap, -1.0 / patch_test.contacts[0].penalty, rtol=1e-6)
+    np.testing.assert_allclose(part.normal, np.broadcast_to([0, 0, -1], part.normal.shape), atol=1e-14)
+
+
+def test_what_hangs_over_has_no_gap_and_no_pressure(bent):
+    (part,) = sample_contact(bent, bent.contacts[0], 4)
+    beyond = (part.points[:, :2] > 2 + 1e-9).any(axis=1) | (part.points[:, :2] < -1e-9).any(axis=1)
+    assert beyond.any()
+    assert not beyond.all()
+    assert np.isnan(part.gap[beyond]).all()
+    assert (part.pressure[beyond] == 0).all()
+    assert not np.isnan(part.gap[~beyond]).any()

@@ -1,0 +1,70 @@
+import ctypes
+
+import matplotlib.image
+import numpy as np
+import pytest
+
+from geom2iga import UserError
+from post import plots, scene
+from solve.newton import Step
+
+
+def colours_of(figure, path):
+    plots.save(figure, path)
+    image = matplotlib.image.imread(path)
+    assert image.shape[0] >= 800
+    return {tuple(colour) for colour in (image[::4, ::4, :3].reshape(-1, 3) * 255).astype(int).tolist()}
+
+
+def test_displacement_of_the_patch_test_shows_the_whole_colour_range(tmp_path, patch_test):
+    figure = plots.draw_displacement(patch_test, "UL")
+    assert len(colours_of(figure, tmp_path / "u.png")) > 200
+    assert "[UL]" in figure.axes[1].get_ylabel()
+    low, high = figure.axes[1].get_ylim()
+    assert (low, high) == pytest.approx((-2.01e-3, 0.0), abs=1e-12)
+
+
+def test_a_uniform_stress_is_drawn_in_one_colour_and_said_to_be_uniform(tmp_path, patch_test):
+    figure = plots.draw_stress(patch_test)
+    assert "uniform, -1 ±" in figure.get_suptitle()
+    colours_of(figure, tmp_path / "s.png")
+
+
+def test_pressure_picture_spans_the_pressure(tmp_path, bent):
+    figure = plots.draw_pressure(bent, "MPa")
+    assert len(colours_of(figure, tmp_path / "p.png")) > 100
+    assert "MPa" in figure.axes[1].get_ylabel()
+
+
+def test_knot_lines_lie_on_the_deformed_faces(bent):
+    from geom2iga import Face
+
+    lines = list(plots._knot_lines(bent, Face("lower", 2, 1), 0.0))
+    assert len(lines) == 5 + 5
+    assert all(np.allclose(line[:, 2], 1.0) for line in lines)
+
+
+def test_displacements_are_enlarged_by_a_round_factor(patch_test, bent):
+    for result in (patch_test, bent):
+        scale = plots.deformation_scale(result)
+        size = np.linalg.norm(np.ptp(result.space.control_points, axis=0))
+        drawn = scale * np.linalg.norm(result.state.displacement, axis=1).max() / size
+        assert plots.VISIBLE / 3 < drawn <= plots.VISIBLE
+        assert scale / 10 ** np.floor(np.log10(scale)) == pytest.approx(round(scale / 10 ** np.floor(np.log10(scale))))
+
+
+def test_newton_picture_shows_every_step(tmp_path):
+    history = [Step(n, 10.0 ** (-4 * n), 10 + n, n, 1.0, -1.0, 0.1) for n in range(1, 5)]
+    figure = plots.draw_newton(history)
+    np.testing.assert_allclose(figure.axes[0].lines[0].get_ydata(), [s.residual for s in history])
+    colours_of(figure, tmp_path / "n.png")
+
+
+def test_missing_drawing_libraries_are_named(monkeypatch):
+    def missing(name):
+        raise OSError(name)
+
+    monkeypatch.setattr(scene.sys, "platform", "linux")
+    monkeypatch.setattr(ctypes, "CDLL", missing)
+    with pytest.raises(UserError, match="libegl1"):
+        scene.check_renderer()

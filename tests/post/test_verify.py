@@ -1,0 +1,58 @@
+import pytest
+
+from geom2iga import CaseError
+from post import verify
+from post.exact import StackedBlocks
+
+
+def entry(**values):
+    return {"verify": [{"tolerance": 1e-10, **values}]}
+
+
+@pytest.mark.parametrize(
+    ("quantity", "on", "value"),
+    [
+        ("stress", None, [0.0, 0.0, -1.0, 0.0, 0.0, 0.0]),
+        ("stress_zz", "lower", -1.0),
+        ("stress_xy", "upper/top", 0.0),
+        ("von_mises", "upper", 1.0),
+        ("pressure", None, 1.0),
+        ("contact_force", "upper/bottom", [0.0, 0.0, 1.0]),
+    ],
+)
+def test_the_patch_test_shows_every_quantity_of_the_exact_solution(patch_test, quantity, on, value):
+    given = {"quantity": quantity, "value": value} | ({} if on is None else {"on": on})
+    (check,) = verify(patch_test, entry(**given))
+    assert check.passed
+    assert check.difference <= 1e-10
+
+
+@pytest.mark.parametrize("height", [0, 1, 2])
+def test_the_blocks_settle_by_hooke_and_by_the_overlap(patch_test, height):
+    exact = StackedBlocks(1.0, 1000.0, (1.0, 1.0), 1e5).settlement[height]
+    on = ("lower/top", "upper/bottom", "upper/top")[height]
+    (check,) = verify(patch_test, entry(quantity="uz", on=on, value=exact, tolerance=1e-12))
+    assert check.passed
+
+
+def test_a_wrong_answer_is_missed_and_the_worst_value_shown(patch_test):
+    (check,) = verify(patch_test, entry(quantity="stress_zz", value=-1.1))
+    assert not check.passed
+    assert check.found == pytest.approx(-1.0)
+    assert check.difference == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize(
+    ("given", "named"),
+    [
+        ({"quantity": "stress_zz", "value": -1.0, "on": "uper"}, 'did you mean "upper"'),
+        ({"quantity": "pressure", "value": 1.0, "on": "lower/top"}, "upper/bottom"),
+        ({"quantity": "stress", "value": -1.0}, "6 components"),
+        ({"quantity": "stres", "value": -1.0}, r"verify\[0\].quantity"),
+        ({"quantity": "uz", "value": float("nan")}, r"verify\[0\].value"),
+        ({"quantity": "uz", "value": 0.0, "tolerance": -1.0}, r"verify\[0\].tolerance"),
+    ],
+)
+def test_a_wrong_entry_is_named(patch_test, given, named):
+    with pytest.raises(CaseError, match=named):
+        verify(patch_test, entry(**given))
