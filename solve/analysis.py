@@ -23,7 +23,7 @@ from solve.elasticity import assemble_stiffness
 from solve.linear import direct_solver
 from solve.loads import assemble_loads
 from solve.material import find_materials
-from solve.newton import Solution, Status, Step, minimise
+from solve.newton import ROUNDING, Solution, Status, Step, minimise
 from solve.result import ContactResult, Result, State
 from solve.rigid import check_held, check_pressed, rigid_modes, unsupported
 from solve.space import Space, number_control_points
@@ -148,7 +148,8 @@ def _equilibrium_error(problem: Problem, system: System, solution: Solution) -> 
     bodies = problem.space.model.bodies
     total = max(float(np.abs(unbalanced[problem.space.body_numbers(body)].sum(axis=0)).max()) for body in bodies)
     forces = (system.load, system.contact_forces(system.control_gaps(solution.free)))
-    return total / max(solution.scale, *(float(np.abs(force).sum()) for force in forces))
+    scale = max(ROUNDING * solution.scale, *(float(np.abs(force).sum()) for force in forces))
+    return total / scale if scale else total
 
 
 def peak_memory() -> int:

@@ -78,8 +78,8 @@ class Contact(Table):
 class Newton(Table):
     """When the semismooth Newton iteration ends."""
 
-    max_steps: Count = Field(50, description="most Newton steps")
-    tolerance: Positive = Field(1e-10, description="residual over the largest force on a control point")
+    max_steps: Count = Field(200, description="most Newton steps")
+    tolerance: Positive = Field(1e-12, description="largest residual over the largest force, on control points")
 
 
 class Solve(Table):

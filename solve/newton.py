@@ -7,7 +7,6 @@ from enum import Enum
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import csr_array
 
 from geom2iga.bspline import Array
 from solve.case import Newton
@@ -15,6 +14,7 @@ from solve.linear import DirectSolver, SingularMatrixError, solved
 from solve.system import System
 
 SETTLED = 1e-8  # largest relative residual at which rounding may end the iteration
+ROUNDING = 1e-14  # residual, over the largest force that ever acted, that is a rounding error
 
 
 class Status(Enum):
@@ -24,7 +24,9 @@ class Status(Enum):
     MAX_STEPS = "no equilibrium within the allowed Newton steps: raise solve.newton.max_steps"
     UNBOUNDED = "a body is pulled off and nothing holds it: check the direction of the loads, or add a support"
     SINGULAR = "the tangent is singular: check that every body is held, and that moduli and penalty are not extreme"
-    INACCURATE = "rounding errors stop the iteration before equilibrium: lower the penalty or bring the bodies closer"
+    INACCURATE = (
+        "rounding errors stop the iteration short of equilibrium: penalty, moduli or gaps differ too much in size"
+    )
 
 
 @dataclass(frozen=True)
@@ -32,10 +34,10 @@ class Step:
     """One Newton step, as seen after it."""
 
     number: int
-    residual: float  # largest force out of balance, over the largest force seen so far
+    residual: float  # largest force out of balance, over the largest force
     active: int  # control points with pressure
     changes: int  # control points that opened or closed
-    length: float  # line search factor
+    length: float  # fraction of the Newton direction
     energy: float
     seconds: float
 
@@ -55,8 +57,24 @@ class Iterate(NamedTuple):
     free: Array  # (free,)
     gap: Array  # (m,) control-point gaps [length]
     residual: Array  # (free,) forces out of balance
-    scale: float  # largest force seen so far
-    relative: float  # largest residual over it
+    energy: float
+    scale: float  # largest force that acts now
+    largest: float  # largest force that ever acted
+
+    @property
+    def active(self) -> bytes:
+        """Which control points touch, as a key."""
+        return np.packbits(self.gap <= 0).tobytes()
+
+    @property
+    def relative(self) -> float:
+        """Largest residual over the largest force."""
+        return self.error / max(self.scale, np.finfo(float).tiny)
+
+    @property
+    def error(self) -> float:
+        """Largest residual."""
+        return float(np.abs(self.residual).max(initial=0.0))
 
 
 def minimise(
@@ -64,9 +82,12 @@ def minimise(
 ) -> Solution:
     """Minimise the energy.
 
-    The energy is convex and piecewise quadratic: every direction of the semismooth Newton method descends, the line
-    search is exact, and the iteration ends after finitely many steps. Where the pressed control points do not hold
-    every body, bodies first follow their loads along the rigid motions that nothing resists, until a gap closes.
+    The energy is convex and piecewise quadratic. A full step of the semismooth Newton method depends on the active set
+    alone, so full steps end at the minimum unless they come back to a set that they had before. Then the iteration
+    returns to the iterate of least energy and takes the step that is exactly best along its direction. So the energy
+    falls from cycle to cycle, and the iteration ends after finitely many steps. Where the pressed control points do
+    not hold every body, bodies first follow their loads along the rigid motions that nothing resists, until a gap
+    closes.
 
     Parameters
     ----------
@@ -76,40 +97,47 @@ def minimise(
     history: list[Step] = []
     at = _iterate(system, np.zeros(len(system.load)))
     floating = not system.holds(np.zeros(len(system.area), dtype=bool))
-    held = not floating
+    held, best, seen = not floating, (at, at.residual), set[bytes]()
     try:
-        while (status := _verdict(at.relative, history, settings, held)) is None:
+        while (status := _verdict(at, history, settings, held)) is None:
             began = time.perf_counter()
+            tied = floating and not history
             held = system.holds(at.gap <= 0)
-            if floating and not history:
-                direction, length = solved(solver, *_tied(system, at)), 1.0
-            else:
-                direction = _direction(system, at, held, settings, solver)
-                length = exact_step(system, at.free, direction)
-            if not np.isfinite(length):
-                return Solution(Status.UNBOUNDED, at.free, tuple(history), at.scale)
-            before, at = at, _iterate(system, at.free + length * direction, at.scale)
-            history.append(_step(system, before, at, length, len(history) + 1, time.perf_counter() - began))
+            direction = _tied(system, at, solver) if tied else _direction(system, at, held, settings, solver)
+            exact = 1.0 if tied else exact_step(system, at.free, direction)
+            if not np.isfinite(exact):
+                status = Status.UNBOUNDED
+                break
+            length = 1.0 if held else exact
+            before, at = at, _iterate(system, at.free + length * direction, at.largest)
+            if held and not tied:
+                best = min(best, (before, direction), key=lambda pair: pair[0].energy)
+                if before.active in seen and at.active != before.active and at.energy >= best[0].energy:
+                    length = exact_step(system, best[0].free, best[1])
+                    at = _iterate(system, best[0].free + length * best[1], at.largest)
+                    seen.clear()
+                seen.add(before.active)
+            history.append(_step(before, at, length, len(history) + 1, time.perf_counter() - began))
             report(history[-1])
     except SingularMatrixError:
         status = Status.SINGULAR
-    return Solution(status, at.free, tuple(history), at.scale)
+    return Solution(status, at.free, tuple(history), at.largest)
 
 
-def _step(system: System, before: Iterate, after: Iterate, length: float, number: int, seconds: float) -> Step:
+def _step(before: Iterate, after: Iterate, length: float, number: int, seconds: float) -> Step:
     """Put down what a step did."""
     active = after.gap <= 0
     changes = int(np.count_nonzero(active != (before.gap <= 0)))
-    return Step(number, after.relative, int(active.sum()), changes, length, system.energy(after.free), seconds)
+    return Step(number, after.relative, int(active.sum()), changes, length, after.energy, seconds)
 
 
-def _iterate(system: System, free: Array, scale: float = np.finfo(float).tiny) -> Iterate:
-    residual = system.residual(free)
-    scale = max(system.force_scale(free), scale)
-    return Iterate(free, system.control_gaps(free), residual, scale, float(np.abs(residual).max(initial=0.0)) / scale)
+def _iterate(system: System, free: Array, largest: float = 0.0) -> Iterate:
+    scale = system.force_scale(free)
+    gap, residual = system.control_gaps(free), system.residual(free)
+    return Iterate(free, gap, residual, system.energy(free), scale, max(scale, largest))
 
 
-def _verdict(relative: float, history: list[Step], settings: Newton, held: bool) -> Status | None:
+def _verdict(at: Iterate, history: list[Step], settings: Newton, held: bool) -> Status | None:
     """Decide whether to go on (None).
 
     Parameters
@@ -117,10 +145,12 @@ def _verdict(relative: float, history: list[Step], settings: Newton, held: bool)
     held : bool
         Whether supports and contact held every body in the last step: only then is a residual that stays rounding.
     """
-    if relative <= settings.tolerance:
+    if at.relative <= settings.tolerance:
         return Status.CONVERGED
-    if held and len(history) > 1 and history[-1].changes == 0 and relative > history[-2].residual / 2:
-        return Status.CONVERGED if relative <= SETTLED else Status.INACCURATE
+    last = history[-1] if held and len(history) > 1 else None
+    if last and last.length == 1 and last.changes == 0 and at.relative > history[-2].residual / 2:
+        small = at.relative <= SETTLED or at.error <= ROUNDING * at.largest
+        return Status.CONVERGED if small else Status.INACCURATE
     return Status.MAX_STEPS if len(history) >= settings.max_steps else None
 
 
@@ -130,17 +160,17 @@ def _direction(system: System, at: Iterate, held: bool, settings: Newton, solver
     if not held:
         loose = system.loose(active)
         push = loose @ (loose.T @ at.residual)
-        if np.abs(push).max(initial=0.0) > settings.tolerance * at.scale:
+        if np.abs(push).max(initial=0.0) > settings.tolerance * at.largest:
             return push
         active = np.ones_like(active)  # nothing pushes: any springs will do
     return solved(solver, system.tangent(active), at.residual)
 
 
-def _tied(system: System, at: Iterate) -> tuple[csr_array, Array]:
-    """First step for bodies that contact alone holds: every candidate is tied by its penalty and pulls too."""
+def _tied(system: System, at: Iterate, solver: DirectSolver) -> Array:
+    """First step for bodies that contact alone holds: to where every candidate, tied by its penalty, pulls too."""
     everywhere = np.ones(len(at.gap), dtype=bool)
     pulling = system.gap_operator.T @ (system.law.stiffness * np.maximum(at.gap, 0.0))
-    return system.tangent(everywhere), at.residual - pulling
+    return solved(solver, system.tangent(everywhere), at.residual - pulling)
 
 
 def exact_step(system: System, free: Array, direction: Array) -> float:

@@ -68,6 +68,18 @@ def test_pardiso_refuses_an_indefinite_matrix():
         solved(Pardiso(), csr_array(np.array([[1.0, 2], [2, 1]])), np.ones(2))
 
 
+class Lost(Careless):
+    """A solver that divides by zero without noticing."""
+
+    def solve(self, right):
+        return np.full(len(right), np.nan)
+
+
+def test_a_solution_that_is_no_number_is_refused():
+    with pytest.raises(SingularMatrixError):
+        solved(Lost(), csr_array(np.eye(2)), np.ones(2))
+
+
 @pytest.mark.parametrize("kind", SOLVERS)
 def test_nothing_to_solve_for_is_solved(kind):
     assert solved(kind(), csr_array((0, 0)), np.empty(0)).shape == (0,)

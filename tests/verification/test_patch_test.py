@@ -87,6 +87,22 @@ def test_the_whole_assembly_may_be_turned_in_space(swap):
     np.testing.assert_allclose(result.contacts[0].force, -vertical if swap else vertical, rtol=0, atol=TOLERANCE)
 
 
+@pytest.mark.parametrize(("length", "stress"), [(1e-3, 1.0), (1e3, 1e6)])
+def test_units_do_not_matter(length, stress):
+    tables = patch_test_case(degree=2, lower_spans=COARSE, upper_spans=FINE, angle=20.0, penalty="auto")
+    for block in tables["geometry"]["block"]:
+        for key in ("origin", "size"):
+            block[key] = [length * value for value in block.get(key, (0.0, 0.0, 0.0))]
+    tables["solve"]["material"][0]["young"] *= stress
+    for load in tables["solve"]["load"]:
+        load["pressure"] *= stress
+    result = converged(geom2iga.build(tables), tables)
+    assert largest_stress_error(result, np.multiply(stress, UNIFORM)) < stress * TOLERANCE
+    np.testing.assert_allclose(
+        result.contacts[0].force, [0, 0, stress * length**2], rtol=0, atol=1e-9 * stress * length**2
+    )
+
+
 NESTED = {
     "matching": {"upper_spans": (2, 2, 2)},
     "finer above": {"upper_spans": (4, 6, 2)},
@@ -121,8 +137,8 @@ def test_element_cells_are_off_where_a_secondary_span_lies_on_several_primary_on
 @pytest.mark.slow
 @pytest.mark.parametrize("swap", [False, True], ids=["upper secondary", "lower secondary"])
 @pytest.mark.parametrize("origin", [(0.5, 0.5, 1.0), (0.31, 0.83, 1.0), (1.3, -0.4, 1.0)])
-@pytest.mark.parametrize("angle", [0.0, 45.0, 71.3])
-@pytest.mark.parametrize("penalty", [1e2, 1e5, 1e8])
+@pytest.mark.parametrize("angle", [45.0, 71.3])
+@pytest.mark.parametrize("penalty", [1e2, 1e8])
 @pytest.mark.parametrize("degree", [1, 2, 3, 4, 5])
 def test_segment_cells_are_exact_for_all_combinations(degree, penalty, angle, origin, swap):
     spans = {"lower_spans": (3, 3, 2), "upper_spans": (4, 5, 1)}

@@ -83,6 +83,18 @@ def test_no_point_of_a_smooth_surface_nearby_is_closer_than_the_foot(seed, degre
     assert np.all(found <= distances_by_search(patch, points) + 1e-12)
 
 
+def test_a_point_beyond_the_centre_of_curvature_finds_its_foot_on_the_nearer_flank():
+    """A valley z = 10 x², whose floor is farther from the points than its flanks."""
+    knots = open_knots([0, 1], 2)
+    points = np.array([[[x, y, z] for y in (0.0, 0.5, 1.0)] for x, z in ((-1, 10.0), (0, -10.0), (1, 10.0))])
+    valley = Patch("valley", (2, 2), (knots, knots), points)
+    above = np.array([[0.02, 0.3, 1.0], [-0.05, 0.6, 0.8], [0.1, 0.5, 2.0]])
+    foot = closest_points(valley, above)
+    assert foot.inside.all()
+    assert np.all(foot.points[:, 0] * above[:, 0] > 0)
+    assert np.all(np.linalg.norm(foot.points - above, axis=1) <= distances_by_search(valley, above))
+
+
 @given(SEEDS, st.integers(1, 3))
 def test_points_of_the_surface_are_their_own_feet(seed, degree):
     patch = wavy_surface(seed, degree)
