@@ -86,14 +86,22 @@ class Solve(Table):
     """The [solve] table: materials, supports, loads, contacts."""
 
     material: tuple[Material, ...] = Field(min_length=1, description="one entry per kind of material")
-    support: tuple[Support, ...] = ()
-    load: tuple[Load, ...] = ()
-    body_force: tuple[BodyForce, ...] = ()
-    contact: tuple[Contact, ...] = ()
-    newton: Newton = Newton()
+    support: tuple[Support, ...] = Field((), description="prescribed displacements of faces")
+    load: tuple[Load, ...] = Field((), description="pressures and tractions on faces")
+    body_force: tuple[BodyForce, ...] = Field((), description="forces per volume")
+    contact: tuple[Contact, ...] = Field((), description="pairs of faces that may touch")
+    newton: Newton = Field(Newton(), description="when the iteration ends")
+
+    @model_validator(mode="after")
+    def _pairs_differ(self) -> Self:
+        pairs = [(contact.secondary, contact.primary) for contact in self.contact]
+        for secondary, primary in pairs:
+            if pairs.count((secondary, primary)) > 1:
+                raise ValueError(f'contact: "{secondary}" on "{primary}" stands twice, leave one out')
+        return self
 
 
 class SolveCase(Table):
     """What the second stage reads of a case."""
 
-    solve: Solve
+    solve: Solve = Field(description="materials, supports, loads and contacts")

@@ -126,4 +126,5 @@ def _check_compatible(space: Space, conditions: Conditions, supports: Sequence[S
         numbers = np.unique(conditions.sources[(conditions.control_points == point) & along])
         names = " and ".join(f'solve.support[{n}] on "{supports[n].on}"' for n in numbers)
         at = ", ".join(f"{x:.4g}" for x in space.control_points[point])
-        raise CaseError(f"{names} ask for different displacements of the control point at ({at})")
+        verb = "ask" if len(numbers) > 1 else "asks"
+        raise CaseError(f"{names} {verb} for different displacements of the control point at ({at})")

@@ -81,7 +81,8 @@ def _covered_load(space: Space, load: Load, covers: Covers) -> Array:
     if not partners:
         raise CaseError(f'exposed = true, but "{load.on}" takes part in no contact: leave it out')
     forces = np.zeros((space.size, 3))
-    for contact, cells in partners:
+    pairs = {frozenset((contact.secondary, contact.primary)): (contact, cells) for contact, cells in partners}
+    for contact, cells in pairs.values():  # either side may be secondary in turn: what is covered counts once
         exact = contact.model_copy(update={"integration": "segment", "points": None})
         for part in cells if contact == exact else find_cells(space.model, exact):
             forces += _cell_load(space, load, part, on_secondary=load.on == contact.secondary)

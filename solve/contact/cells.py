@@ -16,6 +16,7 @@ from solve.contact.search import find_span_pairs
 from solve.face import FLAT, Plane, Surface, area_vectors, find_plane, surface_of
 from solve.space import gauss_points
 
+FACING = 1e-3  # least cosine between one normal and the other's opposite
 TOUCHING = 1e-14  # gaps below this fraction of the largest coordinate are rounding errors
 
 
@@ -78,9 +79,12 @@ def element_cells(secondary: Surface, primary: Surface, points: int | None = Non
         Gauss points per span and direction; left out, degree + 1.
     """
     gauss = gauss_points(secondary.patch, None if points is None else (points, points))
-    at, _, stretch = area_vectors(secondary, gauss.xi)
+    at, normal, stretch = area_vectors(secondary, gauss.xi)
     foot = closest_points(primary.patch, at)
-    keep = foot.inside
+    facing = -np.einsum("qk,qk->q", normal, area_vectors(primary, foot.xi)[1]) >= FACING
+    if foot.inside.any() and not (foot.inside & facing).any():
+        raise _turned_away(secondary, primary)
+    keep = foot.inside & facing
     return _paired(secondary, primary, gauss.xi[keep], foot.xi[keep], (stretch * gauss.weights)[keep])
 
 
@@ -103,8 +107,8 @@ def segment_cells(secondary: Surface, primary: Surface, points: int | None = Non
     """
     plane, other = find_plane(primary), find_plane(secondary)
     cosine = -float(plane.normal @ other.normal)
-    if cosine < 1e-3:
-        raise CaseError(f"{secondary.name} and {primary.name} do not look at each other: choose opposite faces")
+    if cosine < FACING:
+        raise _turned_away(secondary, primary)
     outlines_s = _project(_span_corners(secondary), plane)
     outlines_m = _project(_span_corners(primary), plane)
     spans_s, spans_m = find_span_pairs(outlines_s, outlines_m)
@@ -119,6 +123,10 @@ def segment_cells(secondary: Surface, primary: Surface, points: int | None = Non
     xi_s = closest_points(secondary.patch, on_secondary, _span_centres(secondary.patch)[spans_s[cell]]).xi
     xi_m = closest_points(primary.patch, on_primary, _span_centres(primary.patch)[spans_m[cell]]).xi
     return _paired(secondary, primary, xi_s, xi_m, weights / cosine)
+
+
+def _turned_away(secondary: Surface, primary: Surface) -> CaseError:
+    return CaseError(f"{secondary.name} and {primary.name} do not look at each other: choose opposite faces")
 
 
 def _paired(secondary: Surface, primary: Surface, xi_s: Array, xi_m: Array, area: Array) -> Cells:

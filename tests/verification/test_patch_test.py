@@ -49,7 +49,8 @@ HARDER = {
     "degree 3": {"degree": 3},
     "degree 4": {"degree": 4, "lower_spans": (3, 2, 1), "upper_spans": (2, 3, 1), "angle": 33.0},
     "penalty 1e2": {"penalty": 1e2},
-    "penalty 1e7": {"penalty": 1e7},
+    "penalty 1e8": {"penalty": 1e8},
+    "degree 4, penalty 1e8": {"degree": 4, "lower_spans": (3, 2, 1), "upper_spans": (2, 3, 1), "penalty": 1e8},
     "apart": {"upper_origin": (0.5, 0.5, 1.01)},
     "overlapping": {"upper_origin": (0.5, 0.5, 0.99)},
 }
@@ -68,10 +69,19 @@ def test_segment_cells_are_exact_wherever_the_blocks_lie_and_whichever_is_second
     assert_passed(solved(**case), area=COVERED.get(name, 1.0))
 
 
-def test_a_very_stiff_penalty_is_exact_too_once_newton_goes_on_to_rounding():
-    tables = patch_test_case(degree=2, upper_spans=FINE, penalty=1e8)
-    tables["solve"]["newton"] = {"tolerance": 1e-12}
-    assert_passed(converged(geom2iga.build(tables), tables))
+def test_a_deep_overlap_at_a_stiff_penalty_still_carries_the_load():
+    result = solved(degree=2, upper_origin=(0.5, 0.5, 0.5), penalty=1e7)
+    np.testing.assert_allclose(result.contacts[0].force, [0, 0, 1], rtol=0, atol=1e-8)
+
+
+def test_two_passes_share_the_pressure_and_what_they_cover_counts_once():
+    tables = patch_test_case(degree=2, lower_spans=COARSE, upper_spans=FINE)
+    there = tables["solve"]["contact"][0]
+    tables["solve"]["contact"].append(there | {"secondary": there["primary"], "primary": there["secondary"]})
+    result = converged(geom2iga.build(tables), tables)
+    assert largest_stress_error(result, UNIFORM) < TOLERANCE
+    first, second = result.contacts
+    np.testing.assert_allclose(first.force - second.force, [0, 0, 1], rtol=0, atol=TOLERANCE)
 
 
 @pytest.mark.parametrize("swap", [False, True], ids=["upper secondary", "lower secondary"])

@@ -212,3 +212,8 @@ def test_faces_that_nowhere_lie_opposite_each_other_are_refused(integration):
     model = model_of(block_patch("lower"), block_patch("upper", origin=(5, 0, 1)))
     with pytest.raises(CaseError, match="opposite"):
         find_cells(model, Contact(secondary="upper/bottom", primary="lower/top", integration=integration))
+
+
+def test_element_cells_refuse_faces_that_look_the_same_way():
+    with pytest.raises(CaseError, match="look at each other"):
+        find_cells(TWO, Contact(secondary="upper/top", primary="lower/top", integration="element"))
