@@ -11,7 +11,7 @@ from geom2iga.build import build
 from geom2iga.case import Case, GeometryCase, checked
 from geom2iga.files import FORMAT, VERSION, read_model, read_stamp, write_model
 from geom2iga.model import Model
-from geom2iga.stage import Stage, fingerprint, log, run_command
+from geom2iga.stage import Stage, discard, fingerprint, log, run_command
 
 FILE = "geometry.h5"
 
@@ -29,6 +29,7 @@ def run(case: Case, folder: Path, stamp: str) -> None:
     began = time.perf_counter()
     model = build(case)
     write_model(folder / FILE, model, stamp)
+    discard(folder)
     log.info("geom2iga: %s, %.2f s", describe(model), time.perf_counter() - began)
 
 

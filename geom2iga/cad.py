@@ -1,5 +1,7 @@
 """The gmsh session: build blocks, open CAD files, read volumes back. The only file that imports gmsh."""
 
+import os
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -11,7 +13,7 @@ import numpy as np
 
 from geom2iga.bspline import Array
 from geom2iga.case import Block
-from geom2iga.errors import GeometryError
+from geom2iga.errors import CaseError, GeometryError
 
 
 @dataclass(frozen=True)
@@ -83,14 +85,17 @@ def add_file(path: Path) -> int:
     Raises
     ------
     GeometryError
-        No such file, another format, a file that gmsh cannot read, no volume or several.
+        Another format, a file that gmsh cannot read, no volume or several.
+    CaseError
+        No such file.
     """
     if path.suffix.lower() not in (".step", ".stp", ".brep"):
         raise GeometryError(f'"{path}": only STEP and BREP files are read so far, save it as one of them')
     if not path.is_file():
-        raise GeometryError(f'"{path}": no such file; the path is relative to the case file')
+        raise CaseError(f'"{path}": no such file; the path is relative to the case file')
     try:
-        gmsh.model.occ.importShapes(str(path))
+        with _talk_on_standard_error():
+            gmsh.model.occ.importShapes(str(path))
     except Exception as error:  # gmsh raises nothing finer
         raise GeometryError(f'"{path}": gmsh cannot read it: {error}; save it anew from the CAD program') from None
     gmsh.model.occ.synchronize()
@@ -100,6 +105,19 @@ def add_file(path: Path) -> int:
             f'"{path}" holds {len(tags)} volumes, so far a file may hold one: save each body in a file of its own'
         )
     return tags[0]
+
+
+@contextmanager
+def _talk_on_standard_error() -> Iterator[None]:
+    """Send what OpenCASCADE prints to standard error: standard output is for data."""
+    sys.stdout.flush()
+    kept = os.dup(1)
+    os.dup2(2, 1)
+    try:
+        yield
+    finally:
+        os.dup2(kept, 1)
+        os.close(kept)
 
 
 def read_volume(tag: int) -> Volume:

@@ -24,8 +24,8 @@ Counts = tuple[Count, Count, Count]
 Direction = tuple[list[Number], list[Number], list[Number]]
 
 
-def _three_degrees(value: Any) -> Any:
-    """Let one degree stand for three."""
+def _three(value: Any) -> Any:
+    """Let one degree, or one number of spans, stand for three."""
     if isinstance(value, list | tuple):
         return value
     if not isinstance(value, int) or isinstance(value, bool) or value < 1:
@@ -40,7 +40,7 @@ def _word(value: Any) -> Any:
     return value
 
 
-Degrees = Annotated[Counts, BeforeValidator(_three_degrees)]
+Triple = Annotated[Counts, BeforeValidator(_three)]
 Name = Annotated[str, BeforeValidator(_word)]
 
 
@@ -74,8 +74,8 @@ class Rotation(Table):
 class Mesh(Table):
     """Degree and knots of one patch; at most one of spans, breaks and knots."""
 
-    degree: Degrees | None = Field(None, description="one degree or three; left out: geometry.degree")
-    spans: Counts | None = Field(None, description="equal spans per direction; left out with the others: 1")
+    degree: Triple | None = Field(None, description="one degree or three; left out: geometry.degree")
+    spans: Triple | None = Field(None, description="equal spans, one number or three; left out with the others: 1")
     breaks: Direction | None = Field(None, description="distinct knots per direction, from 0 to 1")
     knots: Direction | None = Field(None, description="full open knot vectors")
 
@@ -122,7 +122,7 @@ class Cad(Mesh):
 class Geometry(Table):
     """The [geometry] table: what the bodies are."""
 
-    degree: Degrees = Field((1, 1, 1), description="one degree or three, for all bodies that give none")
+    degree: Triple = Field((1, 1, 1), description="one degree or three, for all bodies that give none")
     block: tuple[Block, ...] = Field((), description="cuboids")
     cad: tuple[Cad, ...] = Field((), description="volumes from CAD files")
 
@@ -132,7 +132,7 @@ class Geometry(Table):
         return (*self.block, *self.cad)
 
     def degrees(self, body: Mesh) -> tuple[int, int, int]:
-        """Degrees of one body."""
+        """Triple of one body."""
         return body.degree or self.degree
 
     @model_validator(mode="after")
@@ -156,8 +156,8 @@ class GeometryCase(Table):
     """What the first stage reads of a case."""
 
     title: str = Field("", description="one line that says what the case is")
-    units: Units = Units()
-    geometry: Geometry
+    units: Units = Field(Units(), description="labels of units")
+    geometry: Geometry = Field(description="what the bodies are")
 
 
 @dataclass(frozen=True)
@@ -204,12 +204,12 @@ def read_case(path: str | Path) -> Case:
     """Read a case file; raise CaseError where it is missing, no TOML, or has unknown top-level keys."""
     path = Path(path)
     try:
-        tables = tomllib.loads(path.read_text(encoding="utf-8"))
+        tables = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except OSError as error:
         raise CaseError(f"{path}: {(error.strerror or str(error)).lower()}; give the path of a case file") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise CaseError(f"{path}: not a TOML file: {error}") from None
-    return Case(tables, path.parent, path.stem)
+    return Case(tables, path.parent, path.name)
 
 
 T = TypeVar("T", bound=Table)
@@ -220,7 +220,11 @@ def as_case(source: str | Path | Mapping[str, Any] | Case) -> Case:
     """Make a Case of a path or a dict; a Case stays what it is."""
     if isinstance(source, Case):
         return source
-    return Case(source) if isinstance(source, Mapping) else read_case(source)
+    if isinstance(source, Mapping):
+        return Case(source)
+    if not isinstance(source, str | Path):
+        raise CaseError(f"expected the path of a case file, a dict or a Case, found a {type(source).__name__}")
+    return read_case(source)
 
 
 def checked(source: Source, kind: type[T]) -> T:
@@ -270,6 +274,8 @@ def _explained(error: Any, kind: type[Table]) -> str:
         return f'unknown key "{last}" in [{parent}]; {suggestion(last, _keys(kind, error["loc"][:-1]))}'
     if error["type"] == "missing":
         return f"{key} is missing"
+    if error["type"] == "tuple_type" and isinstance(error["input"], Mapping):
+        return f"{key} is one table, should be a list of tables: write [[{key}]]"
     if error["type"] == "value_error":
         return f"{key}: {message}" if not message.startswith(("block[", "cad[", "breaks[")) else f"{key}.{message}"
     return f"{key} = {error['input']!r:.80}: {message[0].lower()}{message[1:]}"

@@ -1,5 +1,6 @@
 """geometry.h5: a model written and read back exactly."""
 
+import io
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -25,6 +26,17 @@ def replacing(path: Path) -> Iterator[Path]:
         os.replace(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def created(path: Path, form: str, version: int, stamp: str) -> Iterator[h5py.File]:
+    """Fill one of our HDF5 files in memory, then write it: HDF5 itself dies of a full disk."""
+    content = io.BytesIO()
+    with h5py.File(content, "w") as file:
+        file.attrs.update({"format": form, "version": version, "stamp": stamp})
+        yield file
+    with replacing(path) as temporary:
+        temporary.write_bytes(content.getbuffer())
 
 
 @contextmanager
@@ -59,8 +71,7 @@ def read_stamp(path: Path, form: str, version: int) -> str | None:
 
 def write_model(path: str | Path, model: Model, stamp: str = "") -> None:
     """Write a model to geometry.h5; the file appears under its name only when it is whole."""
-    with replacing(Path(path)) as temporary, h5py.File(temporary, "w") as file:
-        file.attrs.update({"format": FORMAT, "version": VERSION, "stamp": stamp})
+    with created(Path(path), FORMAT, VERSION, stamp) as file:
         put_model(file, model)
 
 

@@ -274,6 +274,8 @@ def refined(patch: Patch, spans: int | None = None, knots: Sequence[ArrayLike] |
     knots : d arrays
         Or the knots to insert in each direction, repeated as often as they are to be inserted.
     """
+    if spans is not None and spans < 1:
+        raise ValueError(f"every span can be cut into 1 or more, found {spans}")
     inserted = [_between(b, spans or 1) for b in patch.breaks] if knots is None else knots
     steps = [bspline.insertion(k, p, new) for k, p, new in zip(patch.knots, patch.degrees, inserted, strict=True)]
     return _mapped(patch, patch.degrees, steps)

@@ -5,9 +5,12 @@ import hashlib
 import json
 import logging
 import os
+import signal
 import sys
+import threading
 import traceback
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -17,7 +20,7 @@ from pydantic import create_model
 from rich.console import Console
 
 from geom2iga.case import Case, Table, checked, read_case
-from geom2iga.errors import CaseError, UserError
+from geom2iga.errors import CaseError, UserError, VerificationError
 
 log = logging.getLogger("geom2iga")
 
@@ -84,30 +87,48 @@ def run_command(description: str, stages: Sequence[Stage], arguments: Sequence[s
     if options.schema:
         return _print_json(_schema(stages))
     _talk(options)
-    folder = log_file = None
     try:
-        if options.case is None:
-            raise CaseError(f"no case file given; for example: {program} case.toml")
-        case = read_case(options.case)
-        folder = options.output or case.folder / f"{case.name}.out"
+        return _run(program, options, stages)
+    except UserError as error:
+        return _failed(error.exit_code, str(error))
+    except KeyboardInterrupt:
+        return _failed(INTERRUPTED, "interrupted; stages that had ended are kept")
+    except MemoryError:
+        return _failed(CaseError.exit_code, "there is not enough memory for this case: take fewer spans or samples")
+    except OSError as error:
+        where = f"{error.filename}: " if error.filename else ""
+        return _failed(
+            CaseError.exit_code, f"{where}{(error.strerror or str(error)).lower()}; nothing was half written"
+        )
+    except Exception as error:
+        log.debug("%s", traceback.format_exc())
+        files = [handler.baseFilename for handler in log.handlers if isinstance(handler, logging.FileHandler)]
+        where = f"the traceback is in {files[0]}" if files else "run it again with -v for the traceback"
+        return _failed(
+            OUR_BUG, f"{type(error).__name__}: {error}. This is a bug in {program}: please report it; {where}"
+        )
+
+
+def _run(program: str, options: Any, stages: Sequence[Stage]) -> int:
+    """Check the case, run what is not up to date, print the summary."""
+    if options.case is None:
+        raise CaseError(f"no case file given; for example: {program} case.toml")
+    case = read_case(options.case)
+    folder = options.output or case.folder / f"{Path(case.name).stem}.out"
+    for stage in stages:
+        checked(case, stage.tables)
+    if options.dry_run:
         for stage in stages:
-            checked(case, stage.tables)
-        if options.dry_run:
-            for stage in stages:
-                log.info("%s: %s", stage.name, stage.plan(case))
-            return 0
-        log_file = _log_to(folder)
+            log.info("%s: %s", stage.name, stage.plan(case))
+        return 0
+    stages[0].stamp(case, folder)  # raises where an earlier stage has not been run, before anything is written
+    _log_to(folder)
+    try:
         for stage in stages:
             _run_stage(stage, case, folder, options.force)
-    except UserError as error:
-        return _failed(error.exit_code, str(error), options, stages, folder)
-    except KeyboardInterrupt:
-        return _failed(INTERRUPTED, "interrupted; stages that had ended are kept", options, stages, None)
-    except Exception as error:
-        where = f"the traceback is in {log_file}" if log_file else "run it again with -v for the traceback"
-        log.debug("%s", traceback.format_exc())
-        text = f"{type(error).__name__}: {error}. This is a bug in {program}: please report it; {where}"
-        return _failed(OUR_BUG, text, options, stages, None)
+    except VerificationError:
+        _print_summary(options, stages, folder)
+        raise
     return _print_summary(options, stages, folder)
 
 
@@ -119,11 +140,39 @@ def _run_stage(stage: Stage, case: Case, folder: Path, force: bool) -> None:
         stage.run(case, folder, stamp)
 
 
-def _failed(code: int, text: str, options: Any, stages: Sequence[Stage], folder: Path | None) -> int:
-    """Say what went wrong; a missed verification still has a summary."""
+def listed(folder: Path) -> set[str]:
+    """Return the names of the files that summary.json lists, none where there is no such list."""
+    try:
+        names = json.loads((folder / "summary.json").read_text(encoding="utf-8"))["files"]
+        return {name for name in names if Path(name).name == name}
+    except (OSError, ValueError, KeyError, TypeError):
+        return set()
+
+
+def discard(folder: Path) -> None:
+    """Remove summary.json and all that it lists, because they no longer show what lies beside them."""
+    for name in (*listed(folder), "summary.json"):
+        (folder / name).unlink(missing_ok=True)
+
+
+@contextmanager
+def uninterrupted() -> Iterator[None]:
+    """Hold an interruption (Ctrl-C) back until the end: VTK dies of one in the middle of its work."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    received: list[int] = []
+    before = signal.signal(signal.SIGINT, lambda number, _: received.append(number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+    if received:
+        raise KeyboardInterrupt
+
+
+def _failed(code: int, text: str) -> int:
     log.error("%s", text)
-    if code == 5 and folder:
-        _print_summary(options, stages, folder)
     return code
 
 
@@ -186,8 +235,8 @@ def _talk(options: Any) -> None:
     log.propagate = False
 
 
-def _log_to(folder: Path) -> Path:
-    """Send all messages to log.txt too, after those of earlier runs; return its path."""
+def _log_to(folder: Path) -> None:
+    """Send all messages to log.txt too, after those of earlier runs."""
     path = folder / "log.txt"
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -197,4 +246,3 @@ def _log_to(folder: Path) -> Path:
     handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)-7s %(message)s"))
     log.addHandler(handler)
     log.debug("%s %s, process %d", " ".join(sys.argv), program_version(), os.getpid())
-    return path

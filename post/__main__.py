@@ -6,12 +6,15 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from geom2iga.build import build
 from geom2iga.case import Case, checked
 from geom2iga.errors import CaseError, VerificationError
-from geom2iga.stage import Stage, fingerprint, log, run_command
+from geom2iga.stage import Stage, fingerprint, listed, log, run_command
 from post.case import PostCase
 from post.export import export
+from post.verify import check_names
 from solve import __main__ as solution
+from solve.case import SolveCase
 from solve.files import read_result
 
 FILE = "summary.json"
@@ -39,12 +42,16 @@ def written(folder: Path) -> str | None:
 def run(case: Case, folder: Path, stamp: str) -> None:
     """Write everything; raise VerificationError where a known answer was missed."""
     began = time.perf_counter()
-    found = export(read_result(folder / solution.FILE), case, folder, stamp)
-    log.info("post: %d files in %s, %.2f s", len(found["files"]) + 1, folder, time.perf_counter() - began)
+    result = read_result(folder / solution.FILE)
+    before = listed(folder)
+    found = export(result, case, folder, stamp)
+    for name in before.difference(found["files"]):
+        (folder / name).unlink(missing_ok=True)
+    log.info("iga-post: %d files in %s, %.2f s", len(found["files"]) + 1, folder, time.perf_counter() - began)
     missed = [check for check in found["verify"] if not check["passed"]]
     for check in found["verify"]:
         log.info(
-            "verify: %s within %.1e of the exact answer (allowed %.1e): %s",
+            "iga-post: %s within %.1e of the exact answer (allowed %.1e): %s",
             check["quantity"] if check["on"] is None else f'{check["quantity"]} on "{check["on"]}"',
             check["difference"],
             check["tolerance"],
@@ -64,8 +71,10 @@ def summary(folder: Path) -> Mapping[str, Any]:
 
 
 def plan(case: Case) -> str:
-    """Say what would be written."""
-    return f"VTU files, pictures, summary and {len(checked(case, PostCase).verify)} checks"
+    """Check that what is to be verified exists."""
+    entries = checked(case, PostCase).verify
+    check_names(build(case), checked(case, SolveCase).solve.contact, entries)
+    return f"VTU files, pictures, summary and {len(entries)} checks"
 
 
 STAGE = Stage("iga-post", PostCase, stamp, written, plan, run, summary)

@@ -1,10 +1,10 @@
 """The [post] table and the [[verify]] entries of the case file."""
 
-from typing import Literal, Self
+from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from geom2iga.case import Count, Number, Positive, Table, Units
+from geom2iga.case import Number, Positive, Table, Units
 
 Quantity = Literal[
     "stress",
@@ -22,6 +22,7 @@ Quantity = Literal[
     "pressure",
     "contact_force",
 ]
+Samples = Annotated[int, Field(strict=True, ge=2, le=64)]
 COMPONENTS = {"stress": 6, "displacement": 3, "contact_force": 3}
 ON_CONTACTS = ("pressure", "contact_force")
 
@@ -29,7 +30,7 @@ ON_CONTACTS = ("pressure", "contact_force")
 class Post(Table):
     """The [post] table: what to write."""
 
-    samples: Count = Field(4, ge=2, le=64, description="sample points per span and direction")
+    samples: Samples = Field(4, description="sample points per span and direction, 2 to 64")
     pictures: bool = Field(True, strict=True, description="draw the pictures")
     deformation: Positive | None = Field(None, description="factor on displacements in pictures; left out: chosen")
 
@@ -55,7 +56,7 @@ class Verify(Table):
 class PostCase(Table):
     """What the third stage reads of a case."""
 
-    title: str = ""
-    units: Units = Units()
-    post: Post = Post()
-    verify: tuple[Verify, ...] = ()
+    title: str = Field("", description="one line that says what the case is")
+    units: Units = Field(Units(), description="labels of units")
+    post: Post = Field(Post(), description="what to write")
+    verify: tuple[Verify, ...] = Field((), description="known answers that the case must show")

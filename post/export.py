@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from geom2iga.case import Source, checked
-from geom2iga.errors import CaseError
-from geom2iga.stage import log
+from geom2iga.stage import log, uninterrupted
 from geom2iga.threads import one_blas_thread
 from post.case import PostCase
 from post.summary import summarise, write_history, write_summary
@@ -40,8 +39,7 @@ def export(result: Result, source: Source, folder: str | Path, stamp: str = "") 
         Libraries for drawing are missing.
     """
     case = checked(source, PostCase)
-    if not result.states:
-        raise CaseError(f"there is nothing to look at, the analysis has not converged: {result.status.value}")
+    result.check_converged()
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     samples = case.post.samples
@@ -66,8 +64,9 @@ def export(result: Result, source: Source, folder: str | Path, stamp: str = "") 
 
 def _draw(result: Result, case: PostCase, folder: Path) -> Iterator[str]:
     """Draw all pictures and yield their names."""
-    from post import plots  # imports pyvista and matplotlib, which takes a second
-    from post.scene import check_renderer
+    with uninterrupted():
+        from post import plots  # imports pyvista and matplotlib, which takes a second
+        from post.scene import check_renderer
 
     check_renderer()
     length, force = case.units.length, case.units.force
@@ -82,6 +81,7 @@ def _draw(result: Result, case: PostCase, folder: Path) -> Iterator[str]:
         figures["newton.png"] = lambda: plots.draw_newton(result.history)
     for name, draw in figures.items():
         began = time.perf_counter()
-        plots.save(draw(), folder / name)
-        log.debug("post: %s, %.2f s", name, time.perf_counter() - began)
+        with uninterrupted():
+            plots.save(draw(), folder / name)
+        log.debug("iga-post: %s, %.2f s", name, time.perf_counter() - began)
         yield name

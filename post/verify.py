@@ -1,6 +1,6 @@
 """The [[verify]] entries: computed against known answers."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,8 +8,10 @@ import numpy as np
 from geom2iga.bspline import Array
 from geom2iga.case import Source, checked
 from geom2iga.errors import CaseError, suggestion
+from geom2iga.model import Model
 from post.case import ON_CONTACTS, PostCase, Verify
 from post.fields import BodySamples, sample_contact, sample_face, sample_patch
+from solve.case import Contact
 from solve.material import VOIGT
 from solve.result import Result
 
@@ -43,13 +45,12 @@ def verify(result: Result, source: Source) -> tuple[Check, ...]:
         An entry that names something the model does not have.
     """
     case = checked(source, PostCase)
+    result.check_converged()
+    check_names(result.model, [contact.definition for contact in result.contacts], case.verify)
     checks = []
-    for number, entry in enumerate(case.verify):
-        try:
-            parts = list(_values(result, entry, case.post.samples))
-            values = np.concatenate([part.reshape(len(part), -1) for part in parts])
-        except CaseError as error:
-            raise CaseError(f"verify[{number}]: {error}") from None
+    for entry in case.verify:
+        parts = list(_values(result, entry, case.post.samples))
+        values = np.concatenate([part.reshape(len(part), -1) for part in parts])
         difference = np.abs(values - np.array(entry.value)).max(axis=1)
         worst = int(np.argmax(np.where(np.isnan(difference), np.inf, difference)))
         found = values[worst].tolist() if isinstance(entry.value, tuple) else float(values[worst, 0])
@@ -58,6 +59,19 @@ def verify(result: Result, source: Source) -> tuple[Check, ...]:
         largest = float(difference[worst])
         checks.append(Check(entry.quantity, entry.on, expected, found, largest, entry.tolerance, passed, entry.source))
     return tuple(checks)
+
+
+def check_names(model: Model, contacts: Sequence[Contact], entries: Sequence[Verify]) -> None:
+    """Raise CaseError for an entry that names a body, face or contact that does not exist."""
+    secondary = [contact.secondary for contact in contacts]
+    for number, entry in enumerate(entries):
+        of_contact = entry.quantity in ON_CONTACTS
+        known = secondary if of_contact else [*model.bodies, *model.groups]
+        if of_contact and not contacts:
+            raise CaseError(f"verify[{number}]: {entry.quantity} needs a contact, the case has none")
+        if entry.on is not None and entry.on not in known:
+            what = "contact with the secondary face" if of_contact else "body or face"
+            raise CaseError(f'verify[{number}]: there is no {what} "{entry.on}"; {suggestion(entry.on, known)}')
 
 
 def _values(result: Result, entry: Verify, samples: int) -> Iterator[Array]:
@@ -78,8 +92,6 @@ def _values(result: Result, entry: Verify, samples: int) -> Iterator[Array]:
 def _samples(result: Result, on: str | None, samples: int) -> Iterator[BodySamples]:
     """Sample a body, a face, or everything."""
     model = result.model
-    if on is not None and on not in model.bodies and on not in model.groups:
-        raise CaseError(f'there is no body or face "{on}"; {suggestion(on, [*model.bodies, *model.groups])}')
     for face in model.groups.get(on or "", ()):
         yield sample_face(result, face, samples)
     for body in model.bodies if on is None else [on] if on in model.bodies else []:
@@ -90,9 +102,6 @@ def _samples(result: Result, on: str | None, samples: int) -> Iterator[BodySampl
 def _contact_values(result: Result, entry: Verify, samples: int) -> Iterator[Array]:
     """Yield pressure where the primary side lies opposite, or the force on the secondary body."""
     contacts = [c for c in result.contacts if entry.on in (None, c.definition.secondary)]
-    if not contacts:
-        known = [contact.definition.secondary for contact in result.contacts]
-        raise CaseError(f'there is no contact with the secondary face "{entry.on}"; {suggestion(str(entry.on), known)}')
     for contact in contacts:
         if entry.quantity == "contact_force":
             yield contact.force[None, :]

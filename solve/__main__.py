@@ -10,7 +10,7 @@ from geom2iga.build import build
 from geom2iga.case import Case, checked
 from geom2iga.errors import CaseError, NotConvergedError
 from geom2iga.files import read_model, read_stamp
-from geom2iga.stage import Stage, fingerprint, log, run_command
+from geom2iga.stage import Stage, discard, fingerprint, log, run_command
 from solve.analysis import prepare, solve
 from solve.case import SolveCase
 from solve.files import FORMAT, VERSION, read_result, write_result
@@ -38,30 +38,34 @@ def run(case: Case, folder: Path, stamp: str) -> None:
     """Solve and write solution.h5; raise NotConvergedError where no equilibrium was reached."""
     began = time.perf_counter()
     model = read_model(folder / geometry.FILE)
-    log.info("solve: %5s %12s %8s %8s %8s %9s", "step", "residual", "active", "changes", "length", "seconds")
     result = solve(model, case, report_step)
     if result.status is not Status.CONVERGED:
-        raise NotConvergedError(f"solve: {result.status.value}")
+        discard(folder)
+        raise NotConvergedError(f"iga-solve: {result.status.value}")
     write_result(folder / FILE, result, stamp)
+    discard(folder)
     for contact in result.contacts:
         force = ", ".join(f"{component:.6g}" for component in contact.force)
         log.info(
-            'solve: contact of "%s" with "%s": force (%s), area %.6g, largest control pressure %.6g',
+            'iga-solve: contact of "%s" with "%s": force (%s), area %.6g, largest control pressure %.6g',
             contact.definition.secondary,
             contact.definition.primary,
             force,
             contact.area,
-            contact.pressure.max(),
+            contact.pressure.max() + 0.0,
         )
     statistics = result.statistics
-    log.debug("solve: %s, seconds %s", statistics["linear_solver"], statistics["seconds"])
-    log.info("solve: converged, %d unknowns, %.2f s", statistics["dofs"], time.perf_counter() - began)
+    log.debug("iga-solve: %s, seconds %s", statistics["linear_solver"], statistics["seconds"])
+    log.info("iga-solve: converged, %d unknowns, %.2f s", statistics["dofs"], time.perf_counter() - began)
 
 
 def report_step(step: Step) -> None:
-    """Print one line per Newton step."""
+    """Print one line per Newton step, before the first what its columns are."""
+    if step.number == 1:
+        columns = ("step", "residual", "active", "changes", "length", "seconds")
+        log.info("iga-solve: %5s %12s %8s %8s %8s %9s", *columns)
     log.info(
-        "solve: %5d %12.3e %8d %8d %8.3g %9.3f",
+        "iga-solve: %5d %12.3e %8d %8d %8.3g %9.3f",
         *(step.number, step.residual, step.active, step.changes, step.length, step.seconds),
     )
 

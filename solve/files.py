@@ -5,10 +5,9 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 
-from geom2iga.files import get_model, opened, put_model, replacing
+from geom2iga.files import created, get_model, opened, put_model
 from solve.case import Contact
 from solve.material import Material
 from solve.newton import Status, Step
@@ -19,8 +18,8 @@ FORMAT, VERSION = "geom2iga solution", 1
 
 def write_result(path: str | Path, result: Result, stamp: str = "") -> None:
     """Write a result to solution.h5, with its model; the file appears under its name only when it is whole."""
-    with replacing(Path(path)) as temporary, h5py.File(temporary, "w") as file:
-        file.attrs.update({"format": FORMAT, "version": VERSION, "stamp": stamp, "status": result.status.name})
+    with created(Path(path), FORMAT, VERSION, stamp) as file:
+        file.attrs["status"] = result.status.name
         file.attrs["statistics"] = json.dumps(dict(result.statistics))
         file.attrs["materials"] = json.dumps({name: asdict(m) for name, m in result.materials.items()})
         file.attrs["history"] = json.dumps([asdict(step) for step in result.history])

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from geom2iga.bspline import Array, Indices, Mask
+from geom2iga.errors import CaseError
 from geom2iga.model import Model
 from solve.case import Contact
 from solve.material import Material
@@ -102,8 +103,14 @@ class Result:
 
     @property
     def state(self) -> State:
-        """The last state."""
+        """The last state; raises CaseError where the analysis has not converged."""
+        self.check_converged()
         return self.states[-1]
+
+    def check_converged(self) -> None:
+        """Raise CaseError where the analysis has not converged."""
+        if not self.states:
+            raise CaseError(f"the analysis has no result: {self.status.value}")
 
     @property
     def space(self) -> Space:

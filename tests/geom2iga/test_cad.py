@@ -346,13 +346,10 @@ def test_a_shape_that_is_no_block_is_reported_with_its_entity_and_advice(tmp_pat
         ("box.geo", 'SetFactory("OpenCASCADE"); Box(1) = {0, 0, 0, 1, 1, 1};\n', "STEP and BREP"),
         ("box.iges", "", "STEP and BREP"),
         ("box", "", "STEP and BREP"),
-        ("missing.step", None, "no such file"),
-        ("missing.brep", None, "no such file"),
     ],
 )
 def test_a_file_that_cannot_be_read_is_named_with_advice(tmp_path, name, content, advice):
-    if content is not None:
-        (tmp_path / name).write_text(content)
+    (tmp_path / name).write_text(content)
     with pytest.raises(GeometryError) as error:
         build(cad_case(tmp_path / name))
     assert error.value.exit_code == 3
@@ -361,6 +358,18 @@ def test_a_file_that_cannot_be_read_is_named_with_advice(tmp_path, name, content
     assert name in text
     assert advice in text
     assert not gmsh.isInitialized()
+
+
+def test_a_missing_file_is_a_wrong_case(tmp_path):
+    with pytest.raises(CaseError, match=r"missing\.step.*no such file"):
+        build(cad_case(tmp_path / "missing.step"))
+
+
+def test_what_opencascade_says_about_a_file_does_not_go_to_standard_output(tmp_path, capfd):
+    (tmp_path / "text.step").write_text("hello\n")
+    with pytest.raises(GeometryError):
+        build(cad_case(tmp_path / "text.step"))
+    assert capfd.readouterr().out == ""
 
 
 def test_a_geo_file_is_not_run(tmp_path):

@@ -56,7 +56,7 @@ def message(case):
         ({"origin": [0, nan, 0]}, "geometry.block[0].origin[1]", "nan"),
         ({"spans": [2, 2, 0]}, "geometry.block[0].spans[2]", "0"),
         ({"spans": [2, 2.5, 2]}, "geometry.block[0].spans[1]", "2.5"),
-        ({"spans": 4}, "geometry.block[0].spans", "4"),
+        ({"spans": 4.5}, "geometry.block[0].spans", "4.5"),
         ({"breaks": [[0, 1], [0, 0.5, 0.5, 1], [0, 1]]}, "geometry.block[0].breaks[1]", "0.5, 0.5"),
         ({"breaks": [[0, 0.7, 0.2, 1], [0, 1], [0, 1]]}, "geometry.block[0].breaks[0]", "0.7"),
         ({"breaks": [[0, 1], [0, 1], [0, 0.5]]}, "geometry.block[0].breaks[2]", "0.5"),
@@ -200,7 +200,13 @@ def test_a_case_file_knows_its_folder_and_name(tmp_path):
     path = tmp_path / "patch test.toml"
     path.write_text('title = "Stößel"\n', encoding="utf-8")
     for case in (read_case(path), read_case(str(path)), as_case(path)):
-        assert (case.folder, case.name, case.tables) == (tmp_path, "patch test", {"title": "Stößel"})
+        assert (case.folder, case.name, case.tables) == (tmp_path, "patch test.toml", {"title": "Stößel"})
+
+
+def test_one_number_stands_for_three():
+    geometry = checked(case_of(spans=4, degree=2), GeometryCase).geometry
+    assert geometry.block[0].spans == (4, 4, 4)
+    assert geometry.block[0].degree == (2, 2, 2)
 
 
 def test_everything_left_out_has_its_documented_value():

@@ -1,6 +1,7 @@
 import csv
 import json
 import shutil
+import sys
 
 import pytest
 
@@ -107,6 +108,65 @@ def test_a_damaged_solution_is_made_again(copy):
     path = copy / "case.out" / "solution.h5"
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
     assert main(["-q", str(copy / "case.toml")]) == 0
+
+
+def test_files_that_the_case_no_longer_asks_for_go_with_it(copy):
+    path = copy / "case.toml"
+    path.write_text(path.read_text().replace("[[verify]]", "[post]\npictures = false\n\n[[verify]]", 1))
+    assert main(["-q", str(path)]) == 0
+    assert {name.name for name in (copy / "case.out").glob("*.png")} == set()
+
+
+def test_a_case_that_does_not_converge_leaves_no_summary_of_another(copy, capsys):
+    case = edited(copy, "penalty = 1e5", "penalty = 1e8")
+    path = copy / "case.toml"
+    path.write_text(path.read_text() + "\n[solve.newton]\nmax_steps = 1\n")
+    assert main(["-q", case]) == 4
+    assert "max_steps" in capsys.readouterr().err
+    assert not (copy / "case.out" / "summary.json").exists()
+    assert (copy / "case.out" / "geometry.h5").exists()
+
+
+def test_a_dry_run_finds_a_wrong_name_in_verify(tmp_path, capsys):
+    shutil.copy(CASE, tmp_path / "case.toml")
+    assert main(["-n", edited(tmp_path, 'on = "upper/top"\nvalue', 'on = "upper/tap"\nvalue')]) == 2
+    assert 'did you mean "upper/top"' in capsys.readouterr().err
+
+
+def test_iga_post_alone_says_what_to_run_first_and_writes_nothing(tmp_path, capsys):
+    from post.__main__ import main as iga_post
+
+    shutil.copy(CASE, tmp_path / "case.toml")
+    assert iga_post([str(tmp_path / "case.toml")]) == 2
+    assert "run geom2iga first" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["case.toml"]
+
+
+def test_a_full_disk_is_a_sentence(tmp_path, capsys, monkeypatch):
+    def full(*_, **__):
+        raise OSError(28, "No space left on device", "bodies.vtu")
+
+    shutil.copy(CASE, tmp_path / "case.toml")
+    monkeypatch.setattr(sys.modules["post.export"], "write_bodies", full)
+    assert main(["-q", str(tmp_path / "case.toml")]) == 2
+    assert capsys.readouterr().err.startswith("bodies.vtu: no space left")
+
+
+def test_an_interruption_while_drawing_comes_after_the_picture():
+    import signal
+
+    from geom2iga.stage import uninterrupted
+
+    done = []
+
+    def draw():
+        with uninterrupted():
+            signal.raise_signal(signal.SIGINT)
+            done.append("picture")
+
+    with pytest.raises(KeyboardInterrupt):
+        draw()
+    assert done == ["picture"]
 
 
 def test_json_goes_to_standard_output_and_talk_to_standard_error(copy, capsys):

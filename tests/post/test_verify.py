@@ -35,6 +35,30 @@ def test_the_blocks_settle_by_hooke_and_by_the_overlap(patch_test, height):
     assert check.passed
 
 
+def test_a_result_that_has_not_converged_has_nothing_to_verify(case):
+    import geom2iga
+    import solve
+
+    stopped = case.changed({"solve.contact.0.penalty": 1e8, "solve.newton": {"max_steps": 1}})
+    result = solve.solve(geom2iga.build(stopped), stopped)
+    assert result.status is solve.Status.MAX_STEPS
+    with pytest.raises(CaseError, match="max_steps"):
+        verify(result, stopped)
+
+
+def test_pressure_without_a_contact_is_named(patch_test):
+    from dataclasses import replace
+
+    with pytest.raises(CaseError, match="needs a contact"):
+        verify(replace(patch_test, contacts=()), entry(quantity="pressure", value=1.0))
+
+
+@pytest.mark.parametrize("samples", [1, 0, -4, 65, 2.5, True])
+def test_samples_that_give_no_cells_are_refused(patch_test, samples):
+    with pytest.raises(CaseError, match=r"post\.samples"):
+        verify(patch_test, {"post": {"samples": samples}})
+
+
 def test_a_wrong_answer_is_missed_and_the_worst_value_shown(patch_test):
     (check,) = verify(patch_test, entry(quantity="stress_zz", value=-1.1))
     assert not check.passed

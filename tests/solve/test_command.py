@@ -222,7 +222,7 @@ def test_a_failure_while_writing_leaves_no_half_file(case, monkeypatch):
         raise OSError("disk full")
 
     monkeypatch.setattr("solve.files.put_model", fail)
-    assert main(["-q", str(case)]) == 1
+    assert main(["-q", str(case)]) == 2
     assert sorted(path.name for path in output(case).iterdir()) == ["geometry.h5", "log.txt"]
 
 
