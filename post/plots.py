@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from geom2iga.bspline import Array
 from geom2iga.files import replacing
@@ -19,17 +20,18 @@ from solve.result import Result
 SAMPLES = 5  # per span and direction, on the surfaces drawn
 VISIBLE = 0.08  # largest displacement drawn, in sizes of the model
 UNIFORM = 1e-6  # a field whose range is below this fraction of its size is drawn as uniform
+WIDTH = 8.0  # of a figure [inches]
 BLUE, BROWN = "#1f4e79", "#b35806"
 
 
 def draw_displacement(result: Result, unit: str = "", scale: float | None = None) -> Figure:
     """Draw the deformed bodies coloured by vertical displacement, with their knot lines: the paper's Fig. 2."""
-    return _draw_bodies(result, lambda part: part.displacement[:, 2], r"vertical displacement $u_z$", unit, scale)
+    return _draw_bodies(result, lambda part: part.displacement, r"vertical displacement $u_z$", unit, scale)
 
 
 def draw_stress(result: Result, unit: str = "", scale: float | None = None) -> Figure:
     """Draw the deformed bodies coloured by vertical stress, with their knot lines."""
-    return _draw_bodies(result, lambda part: part.stress[:, 2], r"vertical stress $\sigma_{zz}$", unit, scale)
+    return _draw_bodies(result, lambda part: part.stress, r"vertical stress $\sigma_{zz}$", unit, scale)
 
 
 def draw_pressure(result: Result, unit: str = "") -> Figure:
@@ -38,7 +40,9 @@ def draw_pressure(result: Result, unit: str = "") -> Figure:
     secondary = [face for c in result.contacts for face in result.model.faces(c.definition.secondary)]
     lines = (line for face in secondary for line in _knot_lines(result, face, 0.0))
     borders = (line for face in _all_faces(result) for line in _knot_lines(result, face, 0.0, borders_only=True))
-    return _compose(parts, lambda part: part.pressure, 0.0, lines, borders, "contact pressure", unit)
+    pressures = [part.pressure for part in parts]
+    size = max(float(np.abs(pressure).max()) for pressure in pressures)
+    return _compose(parts, pressures, size, 0.0, lines, borders, "contact pressure", unit)
 
 
 def draw_newton(history: Sequence[Step]) -> Figure:
@@ -50,7 +54,7 @@ def draw_newton(history: Sequence[Step]) -> Figure:
     axes.semilogy(steps, residuals, "o-", color=BLUE)
     axes.set_xlabel("Newton step")
     axes.set_ylabel("largest residual / largest force", color=BLUE)
-    axes.set_xticks(steps)
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set_xlim(0.5, len(steps) + 0.5)
     axes.set_ylim(min(1e-16, *residuals), max(10.0, *residuals))
     axes.grid(alpha=0.3)
@@ -82,38 +86,41 @@ def _all_faces(result: Result) -> list[Face]:
 
 
 def _draw_bodies(
-    result: Result, colour: Callable[[BodySamples], Array], label: str, unit: str, scale: float | None
+    result: Result, field: Callable[[BodySamples], Array], label: str, unit: str, scale: float | None
 ) -> Figure:
-    """Draw all faces, deformed, coloured by a function of their samples."""
+    """Draw all faces, deformed, coloured by the third component of a field, zz or z."""
     scale = deformation_scale(result) if scale is None else scale
     faces = _all_faces(result)
     parts = [sample_face(result, face, SAMPLES) for face in faces]
     lines = (line for face in faces for line in _knot_lines(result, face, scale))
-    figure = _compose(parts, colour, scale, lines, (), label, unit)
+    size = max(float(np.abs(field(part)).max()) for part in parts)
+    figure = _compose(parts, [field(part)[:, 2] for part in parts], size, scale, lines, (), label, unit)
     text = f"displacements drawn {scale:g} times" if scale != 1 else "displacements drawn to scale"
-    figure.text(0.02, 0.02, text, fontsize=9)
+    figure.supxlabel(text, x=0.02, horizontalalignment="left", fontsize=9)
     return figure
 
 
 def _compose(
     parts: Sequence[BodySamples | ContactSamples],
-    colour: Callable[..., Array],
+    fields: Sequence[Array],
+    size: float,
     scale: float,
     lines: Iterable[Array],
     outlines: Iterable[Array],
     label: str,
     unit: str,
 ) -> Figure:
-    """Render samples at their deformed place and put a colour bar beside the picture."""
+    """Render samples, coloured by fields whose size is given, at their deformed place, with a colour bar beside."""
     starts = np.cumsum([0, *(len(part.points) for part in parts[:-1])])
     points = np.concatenate([part.points + scale * part.displacement for part in parts])
     cells = np.concatenate([part.cells + start for part, start in zip(parts, starts, strict=True)])
-    values = np.concatenate([colour(part) for part in parts])
-    limits, remark = _limits(values)
+    values = np.concatenate(fields)
+    limits, remark = _limits(values, size)
     around = list(outlines)
     surface = scene.coloured(points, cells, values)
     image = scene.render(surface, limits, scene.polylines(list(lines)), scene.polylines(around) if around else None)
-    figure = Figure(figsize=(8.0, 6.0), layout="constrained")
+    height = np.clip(WIDTH * 0.82 * image.shape[0] / image.shape[1] + 0.6, 2.8, 1.2 * WIDTH)
+    figure = Figure(figsize=(WIDTH, height), layout="constrained")
     axes = figure.add_subplot()
     axes.imshow(image, interpolation="antialiased")
     axes.set_axis_off()
@@ -125,14 +132,14 @@ def _compose(
     return figure
 
 
-def _limits(values: Array) -> tuple[tuple[float, float], str]:
-    """Range of colours; a uniform field gets a range around its value and a remark that says so."""
+def _limits(values: Array, size: float) -> tuple[tuple[float, float], str]:
+    """Range of colours; a field that is uniform against its size gets a range around its value and a remark."""
     low, high = float(values.min()), float(values.max())
-    size = max(abs(low), abs(high))
     if high - low > UNIFORM * size:
         return (low, high), ""
     remark = f"uniform, {(low + high) / 2:.6g} ± {(high - low) / 2:.1e}"
-    return ((low - 0.05 * size, high + 0.05 * size) if size else (-1.0, 1.0)), remark
+    margin = 0.05 * size or 1.0
+    return (low - margin, high + margin), remark
 
 
 def _knot_lines(result: Result, face: Face, scale: float, borders_only: bool = False) -> Iterator[Array]:

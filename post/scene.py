@@ -70,7 +70,6 @@ def render(
     plotter.enable_parallel_projection()
     plotter.camera_position = VIEW
     plotter.reset_camera()
-    plotter.camera.zoom(1.15)
     image = plotter.screenshot(return_img=True)
     plotter.close()
     used = np.argwhere((image < 255).any(axis=2))

@@ -36,6 +36,25 @@ def test_pressure_picture_spans_the_pressure(tmp_path, bent):
     assert "MPa" in figure.axes[1].get_ylabel()
 
 
+def test_a_tall_scene_is_drawn_whole(tmp_path, case):
+    import geom2iga
+    import solve
+
+    apart = case.changed({"geometry.block.1.origin": [0.5, 0.5, 4.0]})
+    result = solve.solve(geom2iga.build(apart), apart)
+    plots.save(plots.draw_pressure(result), tmp_path / "tall.png")
+    image = matplotlib.image.imread(tmp_path / "tall.png")[..., :3]
+    assert (image[0] == 1).all()
+    assert (image[-1] == 1).all()
+
+
+def test_rounding_errors_of_one_component_are_not_drawn_as_a_field(tmp_path, patch_test):
+    noise = np.array([1e-13, -1e-13])
+    (low, high), remark = plots._limits(noise, size=1.0)
+    assert high - low > 0.05
+    assert "uniform" in remark
+
+
 def test_knot_lines_lie_on_the_deformed_faces(bent):
     from geom2iga import Face
 
