@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import FixedLocator, MaxNLocator
 
 from geom2iga.bspline import Array
 from geom2iga.files import replacing
@@ -54,7 +54,7 @@ def draw_newton(history: Sequence[Step]) -> Figure:
     axes.semilogy(steps, residuals, "o-", color=BLUE)
     axes.set_xlabel("Newton step")
     axes.set_ylabel("largest residual / largest force", color=BLUE)
-    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.xaxis.set_major_locator(FixedLocator(steps) if len(steps) < 12 else MaxNLocator(integer=True))
     axes.set_xlim(0.5, len(steps) + 0.5)
     axes.set_ylim(min(1e-16, *residuals), max(10.0, *residuals))
     axes.grid(alpha=0.3)

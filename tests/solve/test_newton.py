@@ -79,6 +79,21 @@ def test_a_body_that_contact_alone_holds_comes_to_rest_in_few_steps(system):
     np.testing.assert_allclose(reaction, -system.rigid.T @ system.load, rtol=0, atol=1e-7 * found.scale)
 
 
+@given(contact_systems(floating=True), st.sampled_from([1e-4, 1e4]), st.sampled_from([1e-4, 1e4]))
+@example(contact_system(seed=14, free=4, contacts=4, rigid_motions=3), 1e4, 1e-4)
+def test_units_do_not_matter(system, length, stress):
+    changed = replace(
+        system,
+        stiffness=system.stiffness * stress,
+        load=system.load * (stress * length),
+        initial_gap=system.initial_gap * length,
+        law=Penalty(system.law.stiffness * stress),
+    )
+    one, other = solved_with(system), solved_with(changed)
+    assert len(one.history) == len(other.history)
+    np.testing.assert_allclose(other.free, length * one.free, rtol=0, atol=1e-7 * length * (1 + np.abs(one.free).max()))
+
+
 @given(contact_systems(), SEEDS)
 def test_the_line_search_finds_the_least_energy_along_a_line(system, seed):
     random = np.random.default_rng(seed)
