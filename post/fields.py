@@ -1,7 +1,7 @@
 """Displacement, stress, pressure and gap at sample points."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -137,6 +137,19 @@ def sample_contact(result: Result, contact: ContactResult, samples: int) -> tupl
     """Sample the secondary faces of a contact."""
     faces = result.model.faces(contact.definition.secondary)
     return tuple(_sample_secondary(result, contact, face, samples) for face in faces)
+
+
+def sample_secondary(result: Result, samples: int) -> tuple[ContactSamples, ...]:
+    """Sample every secondary face once; pressures of several contacts on it add up, the smallest gap counts."""
+    merged: dict[Face, ContactSamples] = {}
+    for contact in result.contacts:
+        faces = result.model.faces(contact.definition.secondary)
+        for face, part in zip(faces, sample_contact(result, contact, samples), strict=True):
+            if face in merged:
+                pressure, gap = merged[face].pressure + part.pressure, np.fmin(merged[face].gap, part.gap)
+                part = replace(part, pressure=pressure, gap=gap)
+            merged[face] = part
+    return tuple(merged.values())
 
 
 def _sample_secondary(result: Result, contact: ContactResult, face: Face, samples: int) -> ContactSamples:

@@ -13,7 +13,7 @@ from geom2iga.bspline import Array
 from geom2iga.files import replacing
 from geom2iga.patch import Face
 from post import scene
-from post.fields import BodySamples, ContactSamples, sample_at, sample_contact, sample_face
+from post.fields import BodySamples, ContactSamples, sample_at, sample_face, sample_secondary
 from solve.newton import Step
 from solve.result import Result
 
@@ -36,8 +36,8 @@ def draw_stress(result: Result, unit: str = "", scale: float | None = None) -> F
 
 def draw_pressure(result: Result, unit: str = "") -> Figure:
     """Draw the contact pressure on the secondary faces, the bodies as outlines; undeformed."""
-    parts = [part for contact in result.contacts for part in sample_contact(result, contact, SAMPLES)]
-    secondary = [face for c in result.contacts for face in result.model.faces(c.definition.secondary)]
+    parts = sample_secondary(result, SAMPLES)
+    secondary = {face for c in result.contacts for face in result.model.faces(c.definition.secondary)}
     lines = (line for face in secondary for line in _knot_lines(result, face, 0.0))
     borders = (line for face in _all_faces(result) for line in _knot_lines(result, face, 0.0, borders_only=True))
     pressures = [part.pressure for part in parts]

@@ -6,7 +6,7 @@ import meshio
 import numpy as np
 
 from geom2iga.files import replacing
-from post.fields import sample_contact, sample_patch
+from post.fields import sample_patch, sample_secondary
 from solve.result import Result
 
 
@@ -33,13 +33,8 @@ def write_bodies(path: Path, result: Result, samples: int) -> None:
 
 
 def write_contact(path: Path, result: Result, samples: int) -> None:
-    """Write the secondary faces, undeformed: point data pressure, gap, normal, displacement; cell data contact."""
-    numbered = [
-        (number, part)
-        for number, contact in enumerate(result.contacts)
-        for part in sample_contact(result, contact, samples)
-    ]
-    parts = [part for _, part in numbered]
+    """Write the undeformed secondary faces: point data pressure, gap, normal, displacement; cell data face."""
+    parts = sample_secondary(result, samples)
     fields = ("pressure", "gap", "normal", "displacement")
     _write(
         path,
@@ -47,7 +42,7 @@ def write_contact(path: Path, result: Result, samples: int) -> None:
         [part.points for part in parts],
         [part.cells for part in parts],
         {name: [getattr(part, name) for part in parts] for name in fields},
-        {"contact": [number for number, _ in numbered]},
+        {"face": list(range(len(parts)))},
     )
 
 

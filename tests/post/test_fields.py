@@ -1,8 +1,10 @@
 import numpy as np
 import pytest
 
+import geom2iga
+import solve
 from geom2iga import Face, evaluate
-from post.fields import sample_at, sample_contact, sample_face, sample_grid, sample_patch
+from post.fields import sample_at, sample_contact, sample_face, sample_grid, sample_patch, sample_secondary
 
 
 @pytest.mark.parametrize("samples", [2, 3, 5])
@@ -31,9 +33,6 @@ def test_displacement_gradient_behind_the_stress_agrees_with_differences(bent):
 
 
 def test_values_at_the_end_of_a_span_are_those_from_inside(case):
-    import geom2iga
-    import solve
-
     linear = case.changed({"geometry.degree": 1, "solve.load.0": {"on": "upper/top", "traction": [0.0, 0.3, -1.0]}})
     result = solve.solve(geom2iga.build(linear), linear)
     grid = sample_grid(result.model.patches["upper"], 2)
@@ -69,3 +68,28 @@ def test_what_hangs_over_has_no_gap_and_no_pressure(bent):
     assert np.isnan(part.gap[beyond]).all()
     assert (part.pressure[beyond] == 0).all()
     assert not np.isnan(part.gap[~beyond]).any()
+
+
+def test_a_face_on_two_others_shows_the_pressure_of_both():
+    sides = {"west": 0.0, "east": 3.0}
+    piers = [{"name": name, "origin": [x, 0.0, 0.0], "size": [1, 1, 1]} for name, x in sides.items()]
+    beam = {"name": "beam", "origin": [0.0, 0.0, 1.0], "size": [4, 1, 1], "spans": [8, 1, 1]}
+    case = {
+        "geometry": {"degree": 2, "block": [*piers, beam]},
+        "solve": {
+            "material": [{"young": 100.0, "poisson": 0.0}],
+            "support": [{"on": f"{name}/bottom", "ux": 0.0, "uy": 0.0, "uz": 0.0} for name in sides]
+            + [{"on": "beam/left", "ux": 0.0}, {"on": "beam/front", "uy": 0.0}],
+            "load": [{"on": "beam/top", "pressure": 1.0}],
+            "contact": [{"secondary": "beam/bottom", "primary": f"{name}/top"} for name in sides],
+        },
+    }
+    result = solve.solve(geom2iga.build(case), case)
+    (part,) = sample_secondary(result, 3)
+    for x in sides.values():
+        over = (part.points[:, 0] > x + 0.01) & (part.points[:, 0] < x + 0.99)
+        assert part.pressure[over].max() > 1
+        assert not np.isnan(part.gap[over]).any()
+    between = (part.points[:, 0] > 1.01) & (part.points[:, 0] < 2.99)
+    assert np.isnan(part.gap[between]).all()
+    assert (part.pressure[between] == 0).all()

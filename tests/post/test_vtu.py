@@ -34,7 +34,7 @@ def test_contact_file_names_pressure_gap_and_normal(tmp_path, bent):
     (part,) = sample_contact(bent, bent.contacts[0], 3)
     for name in ("pressure", "gap", "normal"):
         np.testing.assert_array_equal(mesh.point_data[name], getattr(part, name))
-    assert mesh.cell_data["contact"][0].tolist() == [0] * len(part.cells)
+    assert mesh.cell_data["face"][0].tolist() == [0] * len(part.cells)
 
 
 def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path, bent, monkeypatch):
