@@ -7,11 +7,12 @@ Model(bodies cube; 1 patches, 6 face groups)
 """
 
 from geom2iga.build import build
-from geom2iga.case import Case, GeometryCase, read_case
+from geom2iga.case import GeometryCase
 from geom2iga.errors import CaseError, GeometryError, NotConvergedError, UserError, VerificationError
 from geom2iga.files import read_model, write_model
 from geom2iga.model import Model
 from geom2iga.patch import Face, Patch, elevated, evaluate, refined, reversed_along, surface
+from geom2iga.tables import Case, read_case
 
 __all__ = [
     "Case",

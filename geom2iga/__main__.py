@@ -8,10 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from geom2iga.build import build
-from geom2iga.case import Case, GeometryCase, checked
+from geom2iga.case import GeometryCase
 from geom2iga.files import FORMAT, VERSION, read_model, read_stamp, write_model
 from geom2iga.model import Model
 from geom2iga.stage import Stage, discard, fingerprint, log, run_command
+from geom2iga.tables import Case, checked
 
 FILE = "geometry.h5"
 

@@ -9,10 +9,11 @@ from scipy.spatial.transform import Rotation
 from geom2iga import cad
 from geom2iga.blocks import trilinear_patch
 from geom2iga.bspline import Array
-from geom2iga.case import Block, Cad, Case, GeometryCase, Source, as_case, checked
+from geom2iga.case import Block, Cad, GeometryCase
 from geom2iga.errors import GeometryError
 from geom2iga.model import Model, block_groups
 from geom2iga.patch import Patch, elevated, refined
+from geom2iga.tables import Case, Source, as_case, checked
 
 
 def build(source: Source) -> Model:

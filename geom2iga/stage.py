@@ -19,8 +19,8 @@ from typing import Any
 from pydantic import create_model
 from rich.console import Console
 
-from geom2iga.case import Case, Table, checked, read_case
 from geom2iga.errors import CaseError, UserError, VerificationError
+from geom2iga.tables import Case, Table, checked, read_case
 
 log = logging.getLogger("geom2iga")
 

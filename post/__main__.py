@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from geom2iga.build import build
-from geom2iga.case import Case, checked
 from geom2iga.errors import CaseError, VerificationError
 from geom2iga.stage import Stage, fingerprint, listed, log, run_command
+from geom2iga.tables import Case, checked
 from post.case import PostCase
 from post.export import export
 from post.verify import check_names

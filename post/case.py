@@ -4,7 +4,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from geom2iga.case import Number, Positive, Table, Units
+from geom2iga.tables import Number, Positive, Table, Units
 
 Quantity = Literal[
     "stress",

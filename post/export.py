@@ -5,8 +5,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from geom2iga.case import Source, checked
 from geom2iga.stage import log, uninterrupted
+from geom2iga.tables import Source, checked
 from geom2iga.threads import one_blas_thread
 from post.case import PostCase
 from post.summary import summarise, write_history, write_summary

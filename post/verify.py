@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from geom2iga.bspline import Array
-from geom2iga.case import Source, checked
 from geom2iga.errors import CaseError, suggestion
 from geom2iga.model import Model
+from geom2iga.tables import Source, checked
 from post.case import ON_CONTACTS, PostCase, Verify
 from post.fields import BodySamples, sample_contact, sample_face, sample_patch
 from solve.case import Contact

@@ -7,10 +7,10 @@ from typing import Any
 
 from geom2iga import __main__ as geometry
 from geom2iga.build import build
-from geom2iga.case import Case, checked
 from geom2iga.errors import CaseError, NotConvergedError
 from geom2iga.files import read_model, read_stamp
 from geom2iga.stage import Stage, discard, fingerprint, log, run_command
+from geom2iga.tables import Case, checked
 from solve.analysis import prepare, solve
 from solve.case import SolveCase
 from solve.files import FORMAT, VERSION, read_result, write_result

@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 from geom2iga.bspline import Array
-from geom2iga.case import Source, checked
 from geom2iga.errors import CaseError
 from geom2iga.model import Model
+from geom2iga.tables import Source, checked
 from geom2iga.threads import one_blas_thread
 from solve.case import Solve, SolveCase
 from solve.constraints import AffineMap, constrain, find_conditions

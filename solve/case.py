@@ -4,7 +4,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
-from geom2iga.case import Count, Number, Positive, Table, Vector
+from geom2iga.tables import Count, Number, Positive, Table, Vector
 
 
 class Material(Table):

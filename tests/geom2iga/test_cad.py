@@ -11,10 +11,11 @@ from scipy.spatial.transform import Rotation
 import geom2iga
 from geom2iga import build
 from geom2iga.bspline import open_knots
-from geom2iga.case import GeometryCase, checked
+from geom2iga.case import GeometryCase
 from geom2iga.errors import CaseError, GeometryError
 from geom2iga.model import SIDES
 from geom2iga.patch import Patch, evaluate
+from geom2iga.tables import checked
 from tests.cases import UNIT
 from tests.oracles import assert_same_map, assert_same_model
 from tests.strategies import SEEDS, graded_breaks, open_knot_vectors

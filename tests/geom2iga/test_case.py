@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from geom2iga import bspline
-from geom2iga.case import TABLES, Block, Case, GeometryCase, Mesh, as_case, checked, read_case
+from geom2iga.case import Block, GeometryCase, Mesh
 from geom2iga.errors import CaseError, suggestion
+from geom2iga.tables import TABLES, Case, as_case, checked, read_case
 from tests.strategies import graded_breaks, open_knot_vectors
 
 BLOCK = {"name": "cube", "size": [1, 2, 3]}
