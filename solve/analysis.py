@@ -26,7 +26,7 @@ from solve.material import find_materials
 from solve.newton import ROUNDING, Solution, Status, Step, minimise
 from solve.result import ContactResult, Result, State
 from solve.rigid import check_held, check_pressed, rigid_modes, unsupported
-from solve.space import Space, number_control_points
+from solve.space import Space, check_right_handed, number_control_points
 from solve.system import System, reduced_system
 
 
@@ -107,7 +107,10 @@ def prepare(model: Model, case: Solve) -> Problem:
     ------
     CaseError
         The case does not fit the model, or a body can move freely.
+    GeometryError
+        A patch is left-handed.
     """
+    check_right_handed(model)
     space = number_control_points(model)
     materials = find_materials(model, case)
     cells, mortars, penalties = [], [], []

@@ -11,7 +11,7 @@ import numpy as np
 from geom2iga.bspline import Array, Indices, find_spans
 from geom2iga.errors import GeometryError
 from geom2iga.model import Model
-from geom2iga.patch import CHUNK, Face, Patch, basis, chunks, face_indices
+from geom2iga.patch import CHUNK, Face, Patch, basis, chunks, evaluate, face_indices
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +61,14 @@ def number_control_points(model: Model) -> Space:
         numbers[name] = np.arange(size, size + count)
         size += count
     return Space(model, MappingProxyType(numbers), size)
+
+
+def check_right_handed(model: Model) -> None:
+    """Raise GeometryError where the directions of a patch form a left-handed system: its normals would point inward."""
+    for name, patch in model.patches.items():
+        middle = np.array([[at.mean() for at in patch.breaks]])
+        if np.linalg.det(evaluate(patch, middle, 1)[1][0]) <= 0:
+            raise GeometryError(f'patch "{name}" is left-handed: reverse one direction (geom2iga.reversed_along)')
 
 
 class Points(NamedTuple):

@@ -295,3 +295,9 @@ def test_the_whole_result_turns_with_the_assembly():
     found = stress_at(tilted, "lower", ANYWHERE)
     np.testing.assert_allclose(found[:, 2], expected[:, 2, 2], rtol=0, atol=1e-9)
     np.testing.assert_allclose(found[:, 3], expected[:, 0, 1], rtol=0, atol=1e-9)
+
+
+def test_a_left_handed_patch_is_refused_with_its_remedy():
+    mirrored = geom2iga.reversed_along(block_patch("bar"), 0)
+    with pytest.raises(GeometryError, match=r'"bar" is left-handed.*reversed_along'):
+        solve.solve(model_of(mirrored), case_of([{"on": "bar/bottom", **FIXED}]))
