@@ -3,14 +3,13 @@
 from dataclasses import dataclass
 
 import numpy as np
-import shapely
 
 from geom2iga.bspline import Array
 from geom2iga.errors import CaseError
 from geom2iga.model import Model
 from geom2iga.patch import Face, Patch, evaluate
 from solve.case import Contact
-from solve.contact.polygons import triangle_points, triangulate
+from solve.contact.polygons import clip, triangle_points, triangulate
 from solve.contact.projection import closest_points
 from solve.contact.search import find_span_pairs
 from solve.face import FLAT, Plane, Surface, area_vectors, find_plane, surface_of
@@ -112,8 +111,7 @@ def segment_cells(secondary: Surface, primary: Surface, points: int | None = Non
     outlines_s = _project(_span_corners(secondary), plane)
     outlines_m = _project(_span_corners(primary), plane)
     spans_s, spans_m = find_span_pairs(outlines_s, outlines_m)
-    overlap = shapely.intersection(shapely.polygons(outlines_s[spans_s]), shapely.polygons(outlines_m[spans_m]))
-    triangles, cell = triangulate(overlap)
+    triangles, cell = triangulate(*clip(outlines_s[spans_s], outlines_m[spans_m]))
     count = points or max(secondary.patch.degrees) + max(primary.patch.degrees) + 1
     at, weights = triangle_points(triangles, count)
     cell = np.repeat(cell, count * count)

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
-from geom2iga.bspline import Array
+from geom2iga.bspline import Array, Mask
 from geom2iga.patch import Patch, evaluate
 
 STARTS = 4  # trial points per span and direction
@@ -19,7 +19,7 @@ class Foot(NamedTuple):
 
     xi: Array  # (q, 2)
     points: Array  # (q, 3) [length]
-    inside: Array  # (q,) bool: the connecting line is normal to the surface, so the foot is no mere border point
+    inside: Mask  # (q,) bool: the connecting line is normal to the surface, so the foot is no mere border point
 
 
 def closest_points(surface: Patch, points: Array, start: Array | None = None) -> Foot:
