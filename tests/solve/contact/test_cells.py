@@ -108,6 +108,16 @@ def test_products_of_both_sides_functions_are_integrated_exactly_along_the_axes(
     np.testing.assert_allclose(found, exact_products(secondary, primary), rtol=0, atol=1e-14)
 
 
+@pytest.mark.parametrize("spans", [(1, 1, 1), (4, 1, 1), (1, 4, 1)])
+@pytest.mark.parametrize("swap", [False, True])
+def test_knot_lines_that_coincide_but_for_rounding_cost_no_cell(spans, swap):
+    """General polygon overlays raise on this corner, or lose cells, where an edge misses another by 1e-17."""
+    lower = block_patch("lower", size=(2, 2, 1), spans=spans)
+    upper = block_patch("upper", (-0.25, -0.25, 1), (0.5, 0.5, 1), spans=(4, 4, 1))
+    secondary, primary = sides(model_of(lower, upper))[:: -1 if swap else 1]
+    assert segment_cells(secondary, primary).area.sum() == pytest.approx(0.25**2, rel=1e-12)
+
+
 @given(stacked_blocks())
 def test_no_kink_is_left_inside_a_segment_so_that_more_points_change_nothing(model):
     secondary, primary = sides(model)
