@@ -144,7 +144,10 @@ def checked(source: Source, kind: type[T]) -> T:
     try:
         return kind.model_validate({key: case.tables[key] for key in kind.model_fields if key in case.tables})
     except ValidationError as error:
-        raise CaseError(f"{case.name}: {_explained(error.errors()[0], kind)}") from None
+        errors = sorted(
+            error.errors(), key=lambda each: each["type"] != "extra_forbidden"
+        )  # a typo before what it leaves out
+        raise CaseError(f"{case.name}: {_explained(errors[0], kind)}") from None
 
 
 WORDS = {  # what pydantic calls things, and what they are in a case file

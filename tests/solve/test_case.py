@@ -204,3 +204,7 @@ def test_a_checked_case_solves_as_the_dict_it_was_made_of():
     case = patch_test_case()
     results = [solve.solve(MODEL, source) for source in (case, solve.SolveCase(solve=case["solve"]))]
     np.testing.assert_array_equal(*[result.state.displacement for result in results])
+
+
+def test_a_misspelt_key_is_named_before_the_key_that_is_missing_for_it():
+    assert_names(complaint(changed(material=[{"yuong": 1000.0, "poisson": 0.3}])), '"yuong"', 'did you mean "young"')
