@@ -28,16 +28,19 @@ def rigid_modes(space: Space) -> Array:
 
 def unsupported(modes: Array, conditions: Conditions) -> Array:
     """Combine rigid modes (dofs, k) to those (dofs, f) that the supports do not resist."""
+    return modes @ kernel(_prescribed(modes, conditions))
+
+
+def _prescribed(modes: Array, conditions: Conditions) -> Array:
+    """Components (c, k) of modes (dofs, k) that the supports prescribe."""
     at = modes.reshape(-1, 3, modes.shape[1])[conditions.control_points]
-    return modes @ kernel(np.einsum("ci,cik->ck", conditions.directions, at))
+    return np.einsum("ci,cik->ck", conditions.directions, at)
 
 
 def check_held(space: Space, conditions: Conditions, mortar: Mortar) -> None:
     """Raise CaseError that names the bodies and their free motions, contact taken as closed and tied."""
     modes = rigid_modes(space)
-    supported = np.einsum(
-        "ci,cik->ck", conditions.directions, modes.reshape(space.size, 3, -1)[conditions.control_points]
-    )
+    supported = _prescribed(modes, conditions)
     free = kernel(np.concatenate([supported, (mortar.gap_operator @ modes) / mortar.area[:, None]]))
     sentences = []
     for number, body in enumerate(space.model.bodies):
