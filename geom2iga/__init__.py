@@ -10,7 +10,7 @@ from geom2iga.build import build
 from geom2iga.case import GeometryCase
 from geom2iga.errors import CaseError, GeometryError, NotConvergedError, UserError, VerificationError
 from geom2iga.files import read_model, write_model
-from geom2iga.model import Model
+from geom2iga.model import Glued, Model
 from geom2iga.patch import Face, Patch, elevated, evaluate, refined, reversed_along, surface
 from geom2iga.tables import Case, read_case
 
@@ -20,6 +20,7 @@ __all__ = [
     "Face",
     "GeometryCase",
     "GeometryError",
+    "Glued",
     "Model",
     "NotConvergedError",
     "Patch",

@@ -11,10 +11,10 @@ import h5py
 import numpy as np
 
 from geom2iga.errors import CaseError
-from geom2iga.model import Model
+from geom2iga.model import Glued, Model
 from geom2iga.patch import Face, Patch
 
-FORMAT, VERSION = "geom2iga geometry", 1
+FORMAT, VERSION = "geom2iga geometry", 2
 
 
 @contextmanager
@@ -96,8 +96,10 @@ def put_model(file: Any, model: Model) -> None:
         _create(file, f"bodies/{number}", name)["patches"] = _strings(patches)
     for number, (name, faces) in enumerate(model.groups.items()):
         group = _create(file, f"groups/{number}", name)
-        group["patch"] = _strings([face.patch for face in faces])
-        group["axis_side"] = np.array([(face.axis, face.side) for face in faces], dtype=np.int64).reshape(-1, 2)
+        _put_faces(group, faces)
+    glued = file.create_group("glued")
+    _put_faces(glued, [face for pair in model.glued for face in (pair.first, pair.second)])
+    glued["orientation"] = np.array([pair.orientation for pair in model.glued], dtype=np.int64)
 
 
 def get_model(file: Any) -> Model:
@@ -108,11 +110,22 @@ def get_model(file: Any) -> Model:
         knots = tuple(group[f"knots_{d}"][()] for d in range(len(degrees)))
         patches[name] = Patch(name, degrees, knots, group["control_points"][()], group["weights"][()])
     bodies = {name: tuple(group["patches"].asstr()[()]) for name, group in _named(file, "bodies")}
-    groups = {}
-    for name, group in _named(file, "groups"):
-        sides = group["axis_side"][()].tolist()
-        groups[name] = tuple(Face(p, a, s) for p, (a, s) in zip(group["patch"].asstr()[()], sides, strict=True))
-    return Model(patches, bodies, groups)
+    groups = {name: tuple(_get_faces(group)) for name, group in _named(file, "groups")}
+    faces = _get_faces(file["glued"])
+    glued = map(Glued, faces[::2], faces[1::2], file["glued/orientation"][()].tolist())
+    return Model(patches, bodies, groups, tuple(glued))
+
+
+def _put_faces(group: Any, faces: Sequence[Face]) -> None:
+    """Write a list of faces into an HDF5 group."""
+    group["patch"] = _strings([face.patch for face in faces])
+    group["axis_side"] = np.array([(face.axis, face.side) for face in faces], dtype=np.int64).reshape(-1, 2)
+
+
+def _get_faces(group: Any) -> list[Face]:
+    """Read a list of faces from an HDF5 group."""
+    sides = group["axis_side"][()].tolist()
+    return [Face(patch, axis, side) for patch, (axis, side) in zip(group["patch"].asstr()[()], sides, strict=True)]
 
 
 def _create(file: Any, place: str, name: str) -> Any:

@@ -71,6 +71,7 @@ def assert_same_model(found: Model, expected: Model) -> None:
         assert list(getattr(found, name)) == list(getattr(expected, name)), name
     assert dict(found.bodies) == dict(expected.bodies)
     assert dict(found.groups) == dict(expected.groups)
+    assert found.glued == expected.glued
     for name, patch in expected.patches.items():
         assert_same_patch(found.patches[name], patch)
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from geom2iga import files
 from geom2iga.errors import CaseError
 from geom2iga.files import FORMAT, VERSION, read_model, read_stamp, replacing, write_model
-from geom2iga.model import Model
+from geom2iga.model import Glued, Model
 from geom2iga.patch import Face
 from tests.cases import bent_patch, block_patch, model_of
 from tests.oracles import assert_round_trip, assert_same_model
@@ -56,6 +56,13 @@ def whole(tmp_path):
 @given(models())
 def test_a_model_comes_back_from_its_file_bit_for_bit(path, model):
     assert_round_trip(lambda m: write_model(path, m), lambda _: read_model(path), model, assert_same_model)
+
+
+def test_glued_faces_come_back(path):
+    patches = {p.name: p for p in (block_patch("lower"), block_patch("upper", origin=(0, 0, 1)))}
+    glued = (Glued(Face("lower", 2, 1), Face("upper", 2, 0), 0),)
+    write_model(path, model := Model(patches, {"both": ("lower", "upper")}, {}, glued))
+    assert_same_model(read_model(path), model)
 
 
 def test_a_model_of_very_many_names_comes_back(path):

@@ -1,9 +1,10 @@
 from dataclasses import FrozenInstanceError, replace
 
+import numpy as np
 import pytest
 
 from geom2iga.errors import CaseError
-from geom2iga.model import SIDES, Model, block_groups
+from geom2iga.model import SIDES, Glued, Model, block_groups, oriented
 from geom2iga.patch import Face, Patch, evaluate, surface
 from tests.cases import block_patch, model_of
 from tests.oracles import assert_same_patch
@@ -84,3 +85,40 @@ def test_a_curve_is_no_body():
     line = Patch("line", (1,), ([0, 0, 1, 1],), [[0, 0, 0], [1, 0, 0]])
     with pytest.raises(ValueError, match='"line" has 1 directions'):
         Model({"line": line}, {"line": ("line",)}, {})
+
+
+TOP, BOTTOM = Face("lower", 2, 1), Face("upper", 2, 0)
+
+
+def two_blocks(bodies=None, shift=0.0, spans=(2, 3, 1)):
+    """Two blocks, one on the other."""
+    upper = block_patch("upper", origin=(shift, 0, 1), spans=spans)
+    patches = {p.name: p for p in (block_patch("lower", spans=(2, 3, 1)), upper)}
+    return {"patches": patches, "bodies": bodies or {"both": ("lower", "upper")}, "groups": {}}
+
+
+def test_faces_that_coincide_can_be_glued():
+    assert Model(**two_blocks(), glued=(Glued(TOP, BOTTOM, 0),)).glued == (Glued(TOP, BOTTOM, 0),)
+
+
+@pytest.mark.parametrize(
+    ("fault", "blocks", "glued"),
+    [
+        ("lie 0.001 apart", two_blocks(shift=1e-3), Glued(TOP, BOTTOM, 0)),
+        ("lie 1 apart", two_blocks(), Glued(TOP, BOTTOM, 2)),
+        ("control points", two_blocks(), Glued(TOP, BOTTOM, 1)),
+        ("control points", two_blocks(spans=(2, 4, 1)), Glued(TOP, BOTTOM, 0)),
+        ("two bodies", two_blocks({"a": ("lower",), "b": ("upper",)}), Glued(TOP, BOTTOM, 0)),
+        ('unknown patch "other"', two_blocks(), Glued(TOP, Face("other", 2, 0), 0)),
+    ],
+)
+def test_faces_that_do_not_coincide_cannot_be_glued(fault, blocks, glued):
+    with pytest.raises(ValueError, match=fault):
+        Model(**blocks, glued=(glued,))
+
+
+def test_there_are_eight_orientations_and_each_is_another():
+    grid = np.arange(6).reshape(2, 3)
+    assert len({(oriented(grid, o).shape, oriented(grid, o).tobytes()) for o in range(8)}) == 8
+    with pytest.raises(ValueError, match="8 orientations"):
+        Glued(TOP, BOTTOM, 8)
