@@ -9,7 +9,7 @@ from math import factorial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.sparse import csr_array
+from scipy.sparse import csr_array, eye_array
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -139,7 +139,7 @@ def elevation(knots: Array, degree: int, times: int = 1) -> tuple[Array, csr_arr
         New coefficients from old ones.
     """
     count = len(knots) - degree - 1
-    matrix = csr_array(np.eye(count))
+    matrix = csr_array(eye_array(count))
     for _ in range(times):
         elevated = np.sort(np.concatenate([knots, np.unique(knots)]))
         windows = np.lib.stride_tricks.sliding_window_view(elevated, degree + 2)[: len(elevated) - degree - 2]

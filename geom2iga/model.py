@@ -1,7 +1,8 @@
 """The geometry of an analysis: bodies made of patches, and named groups of faces."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from types import MappingProxyType
 from typing import Any
 
@@ -9,10 +10,11 @@ import numpy as np
 
 from geom2iga.errors import CaseError, suggestion
 from geom2iga.patch import Face, Patch, surface
+from geom2iga.quality.certificate import Certificate
 
 SIDES = ("left", "right", "front", "back", "bottom", "top")  # x0 x1 y0 y1 z0 z1
 
-SAME = 1e-9  # how far glued control points may lie apart, in sizes of the face; weights, in ones
+SAME = 1e-7  # how far glued control points may lie apart, in sizes of the body; their weights, but for a factor
 
 
 @dataclass(frozen=True)
@@ -61,6 +63,8 @@ class Model:
         What supports, loads and contacts refer to, such as "upper/bottom".
     glued : pairs of faces
         Where patches of one body hang together: the two faces share their control points.
+    certificates : patch name to Certificate
+        What is proven or measured of the patches; empty where nothing is.
 
     Raises
     ------
@@ -73,9 +77,10 @@ class Model:
     bodies: Mapping[str, tuple[str, ...]]
     groups: Mapping[str, tuple[Face, ...]]
     glued: tuple[Glued, ...] = ()
+    certificates: Mapping[str, Certificate] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for name in ("patches", "bodies", "groups"):
+        for name in ("patches", "bodies", "groups", "certificates"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
         object.__setattr__(self, "glued", tuple(self.glued))
         flat = [patch for body in self.bodies.values() for patch in body]
@@ -87,6 +92,8 @@ class Model:
             if patch.directions != 3:
                 raise ValueError(f'patch "{name}" has {patch.directions} directions, a body needs volumes')
         for name, faces in self.groups.items():
+            if len(set(faces)) < len(faces):
+                raise ValueError(f'group "{name}" names a face twice')
             for face in faces:
                 if face.patch not in self.patches:
                     raise ValueError(f'group "{name}" names a face of the unknown patch "{face.patch}"')
@@ -101,18 +108,34 @@ class Model:
                 raise ValueError(f'a face of the unknown patch "{face.patch}" is glued')
         if self.body_of(pair.first.patch) != self.body_of(pair.second.patch):
             raise ValueError(f"{where} are glued but of two bodies")
-        first = self.surface(pair.first).homogeneous
-        second = oriented(self.surface(pair.second).homogeneous, pair.orientation)
-        if first.shape != second.shape:
-            raise ValueError(f"{where} are glued but have {first.shape[:2]} and {second.shape[:2]} control points")
-        apart = np.abs(first - second).max(axis=(0, 1))
-        size = np.ptp(first[..., :3] / first[..., 3:], axis=(0, 1)).max()
-        if apart[:3].max() > SAME * size or apart[3] > SAME:
-            raise ValueError(f"{where} are glued but lie {apart[:3].max():g} apart, their weights {apart[3]:g}")
+        first, second = self.surface(pair.first), self.surface(pair.second)
+        points = oriented(second.control_points, pair.orientation)
+        if first.control_points.shape != points.shape:
+            raise ValueError(f"{where} are glued but have {first.shape} and {points.shape[:2]} control points")
+        if not _same_space(first, second, pair.orientation):
+            raise ValueError(f"{where} are glued but differ in degrees or knots")
+        apart = float(np.abs(first.control_points - points).max())
+        shares = first.weights / oriented(second.weights, pair.orientation)  # a common factor changes no map
+        uneven = float(np.ptp(shares) / shares.max())
+        if apart > SAME * self._sizes[self.body_of(pair.first.patch)] or uneven > SAME:
+            raise ValueError(f"{where} are glued but lie {apart:g} apart, their weights {uneven:g}")
+
+    @cached_property
+    def _sizes(self) -> dict[str, float]:
+        """Largest extent of each body along x, y or z [length]."""
+        points = {
+            name: [self.patches[p].control_points.reshape(-1, 3) for p in body] for name, body in self.bodies.items()
+        }
+        return {name: float(np.ptp(np.concatenate(parts), axis=0).max()) for name, parts in points.items() if parts}
+
+    @cached_property
+    def _holders(self) -> dict[str, str]:
+        """The body of each patch."""
+        return {patch: body for body, patches in self.bodies.items() for patch in patches}
 
     def body_of(self, patch: str) -> str:
         """Return the name of the body that a patch belongs to."""
-        return next(body for body, patches in self.bodies.items() if patch in patches)
+        return self._holders[patch]
 
     def faces(self, group: str) -> tuple[Face, ...]:
         """Return the faces of a group, or raise CaseError with the nearest known name."""
@@ -126,6 +149,19 @@ class Model:
 
     def __repr__(self) -> str:
         return f"Model(bodies {', '.join(self.bodies)}; {len(self.patches)} patches, {len(self.groups)} face groups)"
+
+
+def _same_space(first: Patch, second: Patch, orientation: int) -> bool:
+    """Say whether two surfaces have the same degrees, and the same knots but for their range."""
+    axes = (1, 0) if orientation & 1 else (0, 1)
+    for axis, other in enumerate(axes):
+        ours, theirs = (
+            (knots - knots[0]) / (knots[-1] - knots[0]) for knots in (first.knots[axis], second.knots[other])
+        )
+        theirs = 1 - theirs[::-1] if orientation & (2 << axis) else theirs
+        if first.degrees[axis] != second.degrees[other] or not np.allclose(ours, theirs, rtol=0, atol=SAME):
+            return False
+    return True
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ import numpy as np
 
 from geom2iga.bspline import Array, Indices, find_spans
 from geom2iga.patch import Face, Patch, evaluate
-from solve.contact.projection import closest_points
+from solve.contact.cells import nearest_feet
 from solve.face import area_vectors, surface_of
 from solve.material import von_mises
 from solve.result import ContactResult, Result
@@ -159,19 +159,19 @@ def _sample_secondary(result: Result, contact: ContactResult, face: Face, sample
     numbers = result.space.face_numbers(face)
     fields = np.concatenate([result.state.displacement, result.pressure_field(contact)], axis=1)[numbers]
     values = evaluate(surface.patch, grid.xi, 0, fields, grid.spans)[0]
-    gap = _gaps(result, contact, points, values[:, :3])
+    gap = _gaps(result, contact, points, normal, values[:, :3])
     pressure = np.where(np.isnan(gap), 0.0, values[:, 3])
     return ContactSamples(points, values[:, :3], pressure, gap, normal, grid.cells)
 
 
-def _gaps(result: Result, contact: ContactResult, points: Array, displacement: Array) -> Array:
-    """Gap (q,) of secondary points to the primary side, smallest where several faces lie opposite."""
-    gap = np.full(len(points), np.nan)
-    for face in result.model.faces(contact.definition.primary):
-        surface = surface_of(result.model, face)
-        foot = closest_points(surface.patch, points)
-        _, normal, _ = area_vectors(surface, foot.xi)
-        moved = evaluate(surface.patch, foot.xi, 0, result.state.displacement[result.space.face_numbers(face)])[0]
-        distance = np.einsum("qk,qk->q", points + displacement - foot.points - moved, normal)
-        gap = np.where(foot.inside, np.fmin(gap, distance), gap)
+def _gaps(result: Result, contact: ContactResult, points: Array, normal: Array, displacement: Array) -> Array:
+    """Gap (q,) of secondary points, with their normals, to the nearest primary face."""
+    gap, faces = np.full(len(points), np.nan), result.model.faces(contact.definition.primary)
+    surfaces = [surface_of(result.model, face) for face in faces]
+    nearest, xi = nearest_feet(points, normal, surfaces)
+    for number, (face, surface) in enumerate(zip(faces, surfaces, strict=True)):
+        own = nearest == number
+        feet, outward, _ = area_vectors(surface, xi[own])
+        moved = evaluate(surface.patch, xi[own], 0, result.state.displacement[result.space.face_numbers(face)])[0]
+        gap[own] = np.einsum("qk,qk->q", points[own] + displacement[own] - feet - moved, outward)
     return gap

@@ -137,8 +137,7 @@ def _contact_results(problem: Problem, displacement: Array) -> Iterator[ContactR
         gap = mortar.control_gaps(displacement)
         pressure = Penalty(np.full(len(gap), penalty)).pressure(gap)
         forces = (mortar.gap_operator.T @ pressure).reshape(-1, 3)
-        body = problem.space.model.body_of(problem.space.model.faces(contact.secondary)[0].patch)
-        force = forces[problem.space.body_numbers(body)].sum(axis=0)
+        force = forces[problem.space.group_numbers(contact.secondary)].sum(axis=0)
         yield ContactResult(contact, penalty, mortar.control_points, mortar.area, gap, pressure, gap <= 0, force)
 
 

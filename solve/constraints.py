@@ -8,8 +8,9 @@ from scipy.sparse import coo_array, csr_array
 
 from geom2iga.bspline import Array, Indices
 from geom2iga.errors import CaseError
+from geom2iga.patch import Face
 from solve.case import Support
-from solve.face import find_plane, surface_of
+from solve.face import CurvedError, find_plane, surface_of
 from solve.space import Space
 
 PARALLEL = 1e-12  # squared sine below which two prescribed directions are one
@@ -73,7 +74,7 @@ def find_conditions(space: Space, supports: Sequence[Support]) -> Conditions:
                 numbers = space.face_numbers(face)
                 prescribed = list(zip(np.eye(3), (support.ux, support.uy, support.uz), strict=True))
                 if support.normal is not None:
-                    prescribed.append((find_plane(surface_of(space.model, face)).normal, support.normal))
+                    prescribed.append((_plane_normal(space, face), support.normal))
                 for direction, value in prescribed:
                     if value is not None:
                         points.append(numbers)
@@ -85,6 +86,14 @@ def find_conditions(space: Space, supports: Sequence[Support]) -> Conditions:
     if not points:
         return Conditions(np.empty(0, dtype=np.int64), np.empty((0, 3)), np.empty(0), np.empty(0, dtype=np.int64))
     return Conditions(*(np.concatenate(part) for part in (points, directions, values, sources)))
+
+
+def _plane_normal(space: Space, face: Face) -> Array:
+    """Outward unit normal (3,) of a plane face."""
+    try:
+        return find_plane(surface_of(space.model, face)).normal
+    except CurvedError as error:
+        raise CaseError(f"{error}, but a normal support needs plane faces: prescribe ux, uy or uz there") from None
 
 
 def constrain(space: Space, conditions: Conditions, supports: Sequence[Support]) -> AffineMap:

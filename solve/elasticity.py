@@ -32,7 +32,7 @@ def assemble_stiffness(space: Space, materials: Mapping[str, Material]) -> csr_a
     stiffness = csr_array((space.dofs, space.dofs))
     for name, patch in space.model.patches.items():
         material = materials[space.model.body_of(name)]
-        for part in volume_quadrature(patch):
+        for part in volume_quadrature(patch, space.point_counts[name]):
             dofs = (3 * space.numbers[name][part.indices][:, :, None] + np.arange(3)).reshape(len(part.indices), -1)
             stiffness = stiffness + _scattered(_span_stiffness(part, material), dofs, space.dofs)
     return stiffness

@@ -10,9 +10,11 @@ from geom2iga.bspline import Array
 from geom2iga.errors import CaseError
 from geom2iga.model import Model
 from geom2iga.patch import Face, Patch, basis, evaluate
-from solve.space import Space
+from solve.space import FLAT, Space
 
-FLAT = 1e-9  # how far from plane or straight, in sizes of the face
+
+class CurvedError(CaseError):
+    """A face is curved, or its knot lines are; whoever needs it otherwise adds what to do."""
 
 
 @dataclass(frozen=True)
@@ -57,12 +59,12 @@ def area_vectors(surface: Surface, xi: Array) -> tuple[Array, Array, Array]:
 
 
 def find_plane(surface: Surface) -> Plane:
-    """Find the plane that a face lies in; raise CaseError where it is curved."""
+    """Find the plane that a face lies in; raise CurvedError where there is none."""
     points = surface.patch.control_points.reshape(-1, 3)
     origin = points.mean(axis=0)
     _, widths, axes = np.linalg.svd(points - origin, full_matrices=False)
     if widths[2] > FLAT * widths[0]:
-        raise CaseError(f"{surface.name} is curved: segment cells and normal supports need plane faces")
+        raise CurvedError(f"{surface.name} is curved")
     middle = np.array([[at.mean() for at in surface.patch.breaks]])
     normal = np.cross(axes[0], axes[1])
     normal = np.where(np.abs(normal) < 1e-15, 0.0, normal)  # so that a normal along an axis is exactly so

@@ -6,6 +6,7 @@ import numpy as np
 
 from geom2iga.bspline import Array
 from geom2iga.errors import CaseError
+from geom2iga.model import Model
 from geom2iga.patch import Face
 from solve.case import BodyForce, Contact, Load
 from solve.contact.cells import Cells, find_cells
@@ -13,6 +14,9 @@ from solve.face import area_vectors, surface_of, trace_matrix
 from solve.material import named_bodies
 from solve.space import Space, gauss_points, volume_quadrature
 
+SPLIT_FACE = (
+    "an exposed load needs plane faces with straight knot lines on both sides: load the bare part as a face of its own"
+)
 Covers = Sequence[tuple[Contact, tuple[Cells, ...]]]
 
 
@@ -32,7 +36,8 @@ def assemble_loads(space: Space, loads: Sequence[Load], body_forces: Sequence[Bo
     Raises
     ------
     CaseError
-        Unknown faces or bodies; an exposed load on a face that takes part in no contact.
+        Unknown faces or bodies; an exposed load on a face that takes part in no contact, or on one or against one that
+        is curved or has curved knot lines.
     """
     forces = np.zeros((space.size, 3))
     for number, load in enumerate(loads):
@@ -52,7 +57,7 @@ def assemble_loads(space: Space, loads: Sequence[Load], body_forces: Sequence[Bo
 def face_load(space: Space, face: Face, load: Load) -> Array:
     """Integrate a pressure or traction over a whole face: f_A = ∫ R_A t dΓ, forces (n, 3)."""
     surface = surface_of(space.model, face)
-    gauss = gauss_points(surface.patch)
+    gauss = gauss_points(surface.patch, [space.point_counts[face.patch][axis] for axis in face.axes])
     _, normal, stretch = area_vectors(surface, gauss.xi)
     return trace_matrix(space, face, gauss.xi).T @ (_traction(load, normal) * (stretch * gauss.weights)[:, None])
 
@@ -61,7 +66,7 @@ def body_load(space: Space, body: str, force: Array) -> Array:
     """Integrate a force per volume (3,) over a body: f_A = ∫ R_A b dV, forces (n, 3)."""
     forces = np.zeros((space.size, 3))
     for name in space.model.bodies[body]:
-        for part in volume_quadrature(space.model.patches[name]):
+        for part in volume_quadrature(space.model.patches[name], space.point_counts[name]):
             volume = np.einsum("eqa,eq->ea", part.values, part.volume).ravel()
             share = np.bincount(space.numbers[name][part.indices].ravel(), volume, space.size)
             forces += share[:, None] * force
@@ -77,16 +82,26 @@ def _traction(load: Load, normal: Array) -> Array:
 
 def _covered_load(space: Space, load: Load, covers: Covers) -> Array:
     """The load on the part of a face that contact partners cover, cut out exactly whatever the contact's own rule."""
-    partners = [cover for cover in covers if load.on in (cover[0].secondary, cover[0].primary)]
+    faces, forces, counted = set(space.model.faces(load.on)), np.zeros((space.size, 3)), set()
+    partners = [cover for cover in covers if faces & _sides(space.model, cover[0])]
     if not partners:
         raise CaseError(f'exposed = true, but "{load.on}" takes part in no contact: leave it out')
-    forces = np.zeros((space.size, 3))
-    pairs = {frozenset((contact.secondary, contact.primary)): (contact, cells) for contact, cells in partners}
-    for contact, cells in pairs.values():  # either side may be secondary in turn: what is covered counts once
+    for contact, cells in partners:
         exact = contact.model_copy(update={"integration": "segment", "points": None})
-        for part in cells if contact == exact else find_cells(space.model, exact):
-            forces += _cell_load(space, load, part, on_secondary=load.on == contact.secondary)
+        for part in cells if contact == exact else find_cells(space.model, exact, SPLIT_FACE):
+            pair = frozenset((part.secondary, part.primary))
+            if pair in counted:  # either side may be secondary in turn: what is covered counts once
+                continue
+            counted.add(pair)
+            for on_secondary in (True, False):
+                if (part.secondary if on_secondary else part.primary) in faces:
+                    forces += _cell_load(space, load, part, on_secondary)
     return forces
+
+
+def _sides(model: Model, contact: Contact) -> set[Face]:
+    """All faces of either side of a contact."""
+    return {*model.faces(contact.secondary), *model.faces(contact.primary)}
 
 
 def _cell_load(space: Space, load: Load, cells: Cells, on_secondary: bool) -> Array:

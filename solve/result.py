@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -57,7 +58,7 @@ class ContactResult:
         Positive in compression; as coefficients of the secondary basis it is the pressure field.
     active : (m,) bool
     force : (3,)
-        On the secondary body.
+        On the secondary side.
     """
 
     definition: Contact
@@ -112,7 +113,7 @@ class Result:
         if not self.states:
             raise CaseError(f"the analysis has no result: {self.status.value}")
 
-    @property
+    @cached_property
     def space(self) -> Space:
         """The numbering of the control points."""
         return number_control_points(self.model)

@@ -1,28 +1,52 @@
 """Rigid motions: which of them supports and contact leave free."""
 
+from typing import NamedTuple
+
 import numpy as np
 from scipy.optimize import linprog
 
-from geom2iga.bspline import Array
+from geom2iga.bspline import Array, Indices
 from geom2iga.errors import CaseError
 from solve.constraints import Conditions
 from solve.contact.mortar import Mortar
-from solve.space import Space
+from solve.space import Space, united
 
 NEGLIGIBLE = 1e-9  # singular values below this fraction of the largest, or of 1, count as zero
 
 
+class Piece(NamedTuple):
+    """A body, or what hangs together of one whose patches are not all glued to each other."""
+
+    name: str
+    control_points: Indices  # global numbers
+
+
+def find_pieces(space: Space) -> tuple[Piece, ...]:
+    """Find what can move by itself, body by body."""
+    patches = list(space.model.patches)
+    glued = [[patches.index(face.patch) for face in (pair.first, pair.second)] for pair in space.model.glued]
+    numbers, _ = united(np.array(glued, dtype=np.int64).reshape(-1, 2).T, len(patches))
+    clusters = dict(zip(patches, numbers.tolist(), strict=True))
+    pieces = []
+    for body, names in space.model.bodies.items():
+        for cluster in dict.fromkeys(clusters[name] for name in names):
+            inside = [name for name in names if clusters[name] == cluster]
+            apart = f'the piece of body "{body}" with patch "{inside[0]}", not glued to the rest of the body,'
+            of_piece = np.unique(np.concatenate([space.numbers[name] for name in inside]))
+            pieces.append(Piece(f'body "{body}"' if len(inside) == len(names) else apart, of_piece))
+    return tuple(pieces)
+
+
 def rigid_modes(space: Space) -> Array:
-    """Make the rigid displacements (dofs, 6 bodies): 3 slides and 3 turns about the centre per body, each of size 1."""
-    modes = np.zeros((space.size, 3, 6 * len(space.model.bodies)))
-    points = space.control_points
-    for number, body in enumerate(space.model.bodies):
-        of_body = space.body_numbers(body)
-        arm = points[of_body] - points[of_body].mean(axis=0)
+    """Make the rigid displacements (dofs, 6 pieces): 3 slides and 3 turns about the centre of each, of size 1."""
+    pieces, points = find_pieces(space), space.control_points
+    modes = np.zeros((space.size, 3, 6 * len(pieces)))
+    for number, (_, of_piece) in enumerate(pieces):
+        arm = points[of_piece] - points[of_piece].mean(axis=0)
         arm /= np.linalg.norm(arm, axis=1).max()
         for i, axis in enumerate(np.eye(3)):
-            modes[of_body, :, 6 * number + i] = axis
-            modes[of_body, :, 6 * number + 3 + i] = np.cross(axis, arm)
+            modes[of_piece, :, 6 * number + i] = axis
+            modes[of_piece, :, 6 * number + 3 + i] = np.cross(axis, arm)
     return modes.reshape(space.dofs, -1)
 
 
@@ -43,10 +67,10 @@ def check_held(space: Space, conditions: Conditions, mortar: Mortar) -> None:
     supported = _prescribed(modes, conditions)
     free = kernel(np.concatenate([supported, (mortar.gap_operator @ modes) / mortar.area[:, None]]))
     sentences = []
-    for number, body in enumerate(space.model.bodies):
+    for number, piece in enumerate(find_pieces(space)):
         motions = _describe(free[6 * number : 6 * number + 6])
         if motions:
-            sentences.append(f'body "{body}" can {motions}')
+            sentences.append(f"{piece.name} can {motions}")
     if sentences:
         raise CaseError(f"{'; '.join(sentences)}: add a support")
 
@@ -63,9 +87,9 @@ def check_pressed(space: Space, rigid: Array, mortar: Mortar, load: Array) -> No
     found = linprog(-work, A_ub=-opening, b_ub=np.zeros(len(opening)), bounds=(-1, 1))
     if found.status == 0 and -found.fun > NEGLIGIBLE * np.abs(load).sum():
         motion = (rigid @ found.x).reshape(-1, 3)
-        moved = max(space.model.bodies, key=lambda body: np.abs(motion[space.body_numbers(body)]).max())
+        moved = max(find_pieces(space), key=lambda piece: np.abs(motion[piece.control_points]).max())
         raise CaseError(
-            f'the loads pull body "{moved}" off its contact and nothing else holds it: turn the loads or add a support'
+            f"the loads pull {moved.name} off its contact and nothing else holds it: turn the loads or add a support"
         )
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from geom2iga.errors import CaseError
 from geom2iga.model import SIDES, Glued, Model, block_groups, oriented
-from geom2iga.patch import Face, Patch, evaluate, surface
+from geom2iga.patch import Face, Patch, evaluate, refined, surface
 from tests.cases import block_patch, model_of
 from tests.oracles import assert_same_patch
 
@@ -90,9 +90,11 @@ def test_a_curve_is_no_body():
 TOP, BOTTOM = Face("lower", 2, 1), Face("upper", 2, 0)
 
 
-def two_blocks(bodies=None, shift=0.0, spans=(2, 3, 1)):
+def two_blocks(bodies=None, shift=0.0, spans=(2, 3, 1), knots=(0.5,)):
     """Two blocks, one on the other."""
-    upper = block_patch("upper", origin=(shift, 0, 1), spans=spans)
+    upper = block_patch("upper", origin=(shift, 0, 1), spans=(1, *spans[1:]))
+    inserted = [np.arange(1, spans[0]) / spans[0] if spans[0] != 2 else np.array(knots), [], []]
+    upper = refined(upper, knots=inserted)
     patches = {p.name: p for p in (block_patch("lower", spans=(2, 3, 1)), upper)}
     return {"patches": patches, "bodies": bodies or {"both": ("lower", "upper")}, "groups": {}}
 
@@ -108,6 +110,7 @@ def test_faces_that_coincide_can_be_glued():
         ("lie 1 apart", two_blocks(), Glued(TOP, BOTTOM, 2)),
         ("control points", two_blocks(), Glued(TOP, BOTTOM, 1)),
         ("control points", two_blocks(spans=(2, 4, 1)), Glued(TOP, BOTTOM, 0)),
+        ("degrees or knots", two_blocks(knots=[0.25]), Glued(TOP, BOTTOM, 0)),
         ("two bodies", two_blocks({"a": ("lower",), "b": ("upper",)}), Glued(TOP, BOTTOM, 0)),
         ('unknown patch "other"', two_blocks(), Glued(TOP, Face("other", 2, 0), 0)),
     ],

@@ -5,6 +5,7 @@ from scipy.spatial.transform import Rotation
 import geom2iga
 import solve
 from geom2iga.errors import CaseError, GeometryError
+from geom2iga.model import Model
 from solve.analysis import prepare
 from solve.case import Solve
 from tests.cases import (
@@ -301,3 +302,17 @@ def test_a_left_handed_patch_is_refused_with_its_remedy():
     mirrored = geom2iga.reversed_along(block_patch("bar"), 0)
     with pytest.raises(GeometryError, match=r'"bar" is left-handed.*reversed_along'):
         solve.solve(model_of(mirrored), case_of([{"on": "bar/bottom", **FIXED}]))
+
+
+def test_the_force_on_a_secondary_side_of_several_bodies_is_that_on_all_of_them():
+    patches = [
+        block_patch("lower", size=(3, 1, 1)),
+        *(block_patch(name, (x, 0, 1)) for name, x in (("a", 0), ("b", 2))),
+    ]
+    apart = model_of(*patches)
+    groups = {**apart.groups, "feet": (*apart.faces("a/bottom"), *apart.faces("b/bottom"))}
+    supports = [{"on": "lower/bottom", **FIXED}, *upright("a"), *upright("b")]
+    load = [{"on": "a/top", "pressure": 1.0}, {"on": "b/top", "pressure": 2.0}]
+    contact = {"secondary": "feet", "primary": "lower/top", "penalty": 1e6}
+    result = converged(Model(apart.patches, apart.bodies, groups), case_of(supports, load, [contact]))
+    np.testing.assert_allclose(result.contacts[0].force, [0, 0, 3], rtol=0, atol=1e-9)

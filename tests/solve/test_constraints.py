@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from geom2iga.errors import CaseError
-from geom2iga.model import SIDES
+from geom2iga.model import SIDES, Model
 from geom2iga.patch import evaluate
 from solve.case import Support
 from solve.constraints import constrain, find_conditions
@@ -13,6 +13,7 @@ from solve.face import find_plane, surface_of
 from solve.space import number_control_points
 from tests.cases import bent_patch, block_patch, hollow_cylinder, model_of
 from tests.strategies import SEEDS, rotations
+from tests.verification.glued_bodies import glued_model, wall
 
 VALUES = st.floats(-2, 2)
 
@@ -145,7 +146,7 @@ def test_no_supports_leave_everything_free():
 @pytest.mark.parametrize(
     ("support", "names"),
     [
-        ({"on": "ring/left", "normal": 0.0}, ["solve.support[1]", '"ring/left"', "curved"]),
+        ({"on": "ring/left", "normal": 0.0}, ["solve.support[1]", '"ring/left" is curved', "ux, uy or uz"]),
         ({"on": "ring/lft", "ux": 0.0}, ["solve.support[1]", '"ring/lft"', 'did you mean "ring/left"']),
     ],
 )
@@ -154,3 +155,22 @@ def test_a_support_that_does_not_fit_the_model_is_named(support, names):
     with pytest.raises(CaseError) as error:
         allowed_by(space, {"on": "ring/right", "uz": 0.0}, support)
     assert all(name in str(error.value) for name in names)
+
+
+def test_a_support_on_several_faces_holds_what_they_share_once():
+    space = number_control_points(glued_model({"wall": wall("w", degree=2)}))
+    allowed = allowed_by(space, {"on": "wall/bottom", "normal": 0.25})
+    numbers = space.group_numbers("wall/bottom")
+    assert allowed.size == space.dofs - len(numbers)
+    np.testing.assert_array_equal(any_displacement(allowed, 0)[numbers, 2], -0.25)
+
+
+def test_a_normal_support_on_faces_in_several_planes_holds_each_along_its_own_normal():
+    glued = glued_model({"wall": wall("w", degree=2)})
+    faces = (*glued.faces("wall/left"), *glued.faces("wall/bottom"))
+    space = number_control_points(Model(glued.patches, glued.bodies, {**glued.groups, "both": faces}, glued.glued))
+    together = allowed_by(space, {"on": "both", "normal": 0.25})
+    apart = allowed_by(space, *({"on": f"wall/{side}", "normal": 0.25} for side in ("left", "bottom")))
+    np.testing.assert_allclose(together.offset, apart.offset, rtol=0, atol=1e-15)
+    assert together.size == apart.size
+    np.testing.assert_allclose(together.matrix @ together.matrix.T.toarray(), apart.matrix @ apart.matrix.T.toarray())

@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from geom2iga.errors import CaseError
+from geom2iga.model import Model, block_groups
 from solve.case import Contact, Load, Support
 from solve.constraints import constrain, find_conditions
 from solve.contact.cells import find_cells
@@ -16,6 +17,7 @@ from solve.rigid import check_held, check_pressed, kernel, rigid_modes, unsuppor
 from solve.space import number_control_points
 from tests.cases import bent_patch, block_patch, model_of, turned
 from tests.strategies import SEEDS, bent_patches, rotations
+from tests.verification.glued_bodies import glued_model, star, wall
 
 
 def held(model, supports, contacts=()):
@@ -193,3 +195,26 @@ def test_nothing_to_check_is_in_order():
     space, conditions, mortar = held(model_of(block_patch()), [{"on": "block/left", "ux": 0, "uy": 0, "uz": 0}])
     check_held(space, conditions, mortar)
     check_pressed(space, np.empty((space.dofs, 0)), mortar, np.ones(space.dofs))
+
+
+def test_a_glued_body_moves_as_one():
+    model = glued_model({"wall": wall("w"), "star": star("s", 3, (5, 0, 0))})
+    assert rigid_modes(number_control_points(model)).shape[1] == 12
+    message = complaint(model, [{"on": "wall/left", "ux": 0.0, "uy": 0.0, "uz": 0.0}])
+    assert 'body "star" can slide along x, y and z' in message
+    assert '"wall"' not in message
+
+
+def loose_pair():
+    """Two blocks of one body, nowhere glued."""
+    patches = {name: block_patch(name, (k, 0, 0)) for k, name in enumerate(("one", "two"))}
+    groups = block_groups("one") | block_groups("two")
+    return Model(patches, {"pair": tuple(patches)}, groups)
+
+
+def test_patches_of_a_body_that_are_not_glued_are_named_where_nothing_holds_them():
+    everything = {"ux": 0.0, "uy": 0.0, "uz": 0.0}
+    message = complaint(loose_pair(), [{"on": "one/left", **everything}])
+    assert 'the piece of body "pair" with patch "two", not glued to the rest of the body, can slide' in message
+    assert '"one"' not in message
+    check_held(*held(loose_pair(), [{"on": f"{name}/left", **everything} for name in ("one", "two")]))

@@ -11,6 +11,7 @@ from solve.contact.mortar import stacked
 from solve.elasticity import assemble_stiffness
 from tests.cases import block_patch, converged, hollow_cylinder, model_of, moved, turned
 from tests.oracles import assert_balanced
+from tests.verification.glued_bodies import glued_model, wall
 
 FIXED = {"ux": 0.0, "uy": 0.0, "uz": 0.0}
 TRACTION = [0.05, -0.03, -1.0]
@@ -31,6 +32,14 @@ def punch_on_block(height=0.0, tilt=0.0, angle=0.0, **contact):
         "contact": [{"secondary": "upper/bottom", "primary": "lower/top", "penalty": 1e4, **contact}],
     }
     return model_of(lower, upper), {"solve": case}
+
+
+def glued_punch_on_blocks():
+    """The same with bodies of four patches each."""
+    _, tables = punch_on_block()
+    lower = wall("l", (0, 0, 0), (2, 2, 1), 2, ((2, 1), (1, 2), (2,)))
+    upper = wall("u", (0.4, 0.6, 1), (1, 1, 1), 2, ((1, 1), (2, 1), (1,)), shift=(0.2, 0.1))
+    return glued_model({"lower": lower, "upper": upper}), tables
 
 
 def ring_on_ring():
@@ -57,6 +66,7 @@ CASES = {
     "overlapping": punch_on_block(height=-0.02),
     "tilted and turned": punch_on_block(height=0.01, tilt=2.0, angle=30.0),
     "element cells": punch_on_block(angle=30.0, integration="element"),
+    "several patches": glued_punch_on_blocks(),
     "curved faces": ring_on_ring(),
 }
 

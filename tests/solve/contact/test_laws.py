@@ -10,6 +10,7 @@ from solve.space import number_control_points
 from tests.cases import block_patch, model_of
 from tests.oracles import assert_tangent
 from tests.strategies import SEEDS, rotations
+from tests.verification.glued_bodies import glued_model, wall
 
 
 @given(SEEDS, st.integers(1, 6))
@@ -52,3 +53,11 @@ def test_the_automatic_penalty_takes_the_mean_of_spans_that_are_no_squares():
     materials = dict.fromkeys(("lower", "upper"), Material(7.0, 0.3))
     contact = Contact(secondary="upper/bottom", primary="lower/top")
     assert find_penalty(space, contact, materials) == pytest.approx(70 / (4 / 6) ** 0.5, rel=1e-13)
+
+
+def test_the_automatic_penalty_takes_the_mean_of_the_spans_of_all_faces():
+    bodies = {"lower": [block_patch("lower")], "upper": wall("u", spans=((1, 3), (1, 1), (1,)))}
+    space = number_control_points(glued_model(bodies))
+    materials = {"lower": Material(7.0, 0.3), "upper": Material(8.0, 0.3)}
+    contact = Contact(secondary="upper/bottom", primary="lower/top")
+    assert find_penalty(space, contact, materials) == pytest.approx(70 / (1 / 8) ** 0.5, rel=1e-13)

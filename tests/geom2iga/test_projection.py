@@ -4,7 +4,7 @@ from hypothesis import strategies as st
 
 from geom2iga.bspline import greville, open_knots
 from geom2iga.patch import Face, Patch, evaluate, surface
-from solve.contact.projection import closest_points
+from geom2iga.projection import closest_points
 from tests.cases import bent_patch, block_patch, hollow_cylinder
 from tests.strategies import SEEDS, rotations
 

@@ -62,11 +62,16 @@ def _newton_step(surface: Patch, points: Array, xi: Array, low: Array, high: Arr
     hessian = metric + np.einsum("qk,qkde->qde", offset, bends)
     convex = (hessian[:, 0, 0] > 0) & (np.linalg.det(hessian) > 1e-3 * np.linalg.det(metric))
     hessian = np.where(convex[:, None, None], hessian, metric)
-    stuck = ((xi <= low) & (gradient > 0)) | ((xi >= high) & (gradient < 0))
-    gradient[stuck] = 0.0
-    hessian[:, 0, 1][stuck.any(axis=1)] = hessian[:, 1, 0][stuck.any(axis=1)] = 0.0
-    step = -np.linalg.solve(hessian, gradient[:, :, None])[:, :, 0]
-    return np.clip(xi + step, low, high) - xi
+    at_low, at_high = xi <= low + ROUNDING * (high - low), xi >= high - ROUNDING * (high - low)
+    stuck = (at_low & (gradient > 0)) | (at_high & (gradient < 0))
+    for _ in range(3):  # a step of both directions together may push out where the gradient alone does not
+        gradient[stuck] = 0.0
+        hessian[:, 0, 1][stuck.any(axis=1)] = hessian[:, 1, 0][stuck.any(axis=1)] = 0.0
+        step = -np.linalg.solve(hessian, gradient[:, :, None])[:, :, 0]
+        stuck = (at_low & (step < 0)) | (at_high & (step > 0))
+    room = np.where(step > 0, high - xi, xi - low)  # shortened, not bent: a bent step could lead away
+    share = np.min(np.where(np.abs(step) > room, room / np.where(step != 0, np.abs(step), 1.0), 1.0), axis=1)
+    return np.clip(xi + share[:, None] * step, low, high) - xi
 
 
 def _halve_where_away(surface: Patch, points: Array, xi: Array, step: Array) -> None:
