@@ -1,0 +1,1 @@
+"""From CAD models to exact patches: gmsh, the boundary representation, faces, volumes."""

@@ -1,0 +1,1 @@
+"""Exact shapes for people who have no CAD."""
