@@ -65,10 +65,10 @@ def export(result: Result, source: Source, folder: str | Path, stamp: str = "") 
 def _draw(result: Result, case: PostCase, folder: Path) -> Iterator[str]:
     """Draw all pictures and yield their names."""
     with uninterrupted():
-        from post import plots  # imports pyvista and matplotlib, which takes a second
-        from post.scene import check_renderer
+        from geom2iga.picture import scene  # imports pyvista and matplotlib, which takes a second
+        from post import plots
 
-    check_renderer()
+    scene.check_renderer("set pictures = false in [post]")
     length, force = case.units.length, case.units.force
     stress = f"{force}/{length}²" if length and force else ""
     figures = {
@@ -82,6 +82,6 @@ def _draw(result: Result, case: PostCase, folder: Path) -> Iterator[str]:
     for name, draw in figures.items():
         began = time.perf_counter()
         with uninterrupted():
-            plots.save(draw(), folder / name)
+            scene.save(draw(), folder / name)
         log.debug("iga-post: %s, %.2f s", name, time.perf_counter() - began)
         yield name

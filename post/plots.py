@@ -1,7 +1,6 @@
 """Pictures, one function each; every function takes data and returns a matplotlib figure."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from pathlib import Path
 
 import numpy as np
 from matplotlib.cm import ScalarMappable
@@ -10,9 +9,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, MaxNLocator
 
 from geom2iga.bspline import Array
-from geom2iga.files import replacing
 from geom2iga.patch import Face
-from post import scene
+from geom2iga.picture import scene
 from post.fields import BodySamples, ContactSamples, sample_at, sample_face, sample_secondary
 from solve.newton import Step
 from solve.result import Result
@@ -39,7 +37,7 @@ def draw_pressure(result: Result, unit: str = "") -> Figure:
     parts = sample_secondary(result, SAMPLES)
     secondary = {face for c in result.contacts for face in result.model.faces(c.definition.secondary)}
     lines = (line for face in secondary for line in _knot_lines(result, face, 0.0))
-    borders = (line for face in _all_faces(result) for line in _knot_lines(result, face, 0.0, borders_only=True))
+    borders = (line for face in _outer_faces(result) for line in _knot_lines(result, face, 0.0, borders_only=True))
     pressures = [part.pressure for part in parts]
     size = max(float(np.abs(pressure).max()) for pressure in pressures)
     return _compose(parts, pressures, size, 0.0, lines, borders, "contact pressure", unit)
@@ -65,12 +63,6 @@ def draw_newton(history: Sequence[Step]) -> Figure:
     return figure
 
 
-def save(figure: Figure, path: Path) -> None:
-    """Write a figure; the ending of the name says in which format."""
-    with replacing(path) as temporary:
-        figure.savefig(temporary, dpi=200)
-
-
 def deformation_scale(result: Result) -> float:
     """Choose a factor of 1, 2 or 5 times a power of ten that makes the displacement visible, at least 1."""
     largest = np.linalg.norm(result.state.displacement, axis=1).max()
@@ -81,8 +73,11 @@ def deformation_scale(result: Result) -> float:
     return float(max(1.0, *(step * power for step in (1, 2, 5) if step * power <= wanted)))
 
 
-def _all_faces(result: Result) -> list[Face]:
-    return [Face(name, axis, side) for name in result.model.patches for axis in range(3) for side in (0, 1)]
+def _outer_faces(result: Result) -> list[Face]:
+    """List the faces of all patches but the glued ones, which lie inside a body."""
+    glued = {face for pair in result.model.glued for face in (pair.first, pair.second)}
+    faces = [Face(name, axis, side) for name in result.model.patches for axis in range(3) for side in (0, 1)]
+    return [face for face in faces if face not in glued]
 
 
 def _draw_bodies(
@@ -90,7 +85,7 @@ def _draw_bodies(
 ) -> Figure:
     """Draw all faces, deformed, coloured by the third component of a field, zz or z."""
     scale = deformation_scale(result) if scale is None else scale
-    faces = _all_faces(result)
+    faces = _outer_faces(result)
     parts = [sample_face(result, face, SAMPLES) for face in faces]
     lines = (line for face in faces for line in _knot_lines(result, face, scale))
     size = max(float(np.abs(field(part)).max()) for part in parts)
@@ -117,7 +112,7 @@ def _compose(
     values = np.concatenate(fields)
     limits, remark = _limits(values, size)
     around = list(outlines)
-    surface = scene.coloured(points, cells, values)
+    surface = scene.quadrilaterals(points, cells, field=values)
     image = scene.render(surface, limits, scene.polylines(list(lines)), scene.polylines(around) if around else None)
     height = np.clip(WIDTH * 0.82 * image.shape[0] / image.shape[1] + 0.6, 2.8, 1.2 * WIDTH)
     figure = Figure(figsize=(WIDTH, height), layout="constrained")

@@ -1,0 +1,1 @@
+"""Pictures of a geometry, and how scenes are drawn off screen."""

@@ -1,0 +1,206 @@
+"""Surfaces of bodies rendered off screen by pyvista, as images; figures written to files."""
+
+import ctypes
+import os
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from geom2iga.bspline import Array, Indices
+from geom2iga.errors import UserError
+from geom2iga.files import replacing
+
+if sys.platform == "linux":
+    os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")  # renders without a display
+
+import pyvista
+
+Image = NDArray[np.uint8]
+SIZE = (1600, 1300)
+DPI = 200
+COLOURS = "viridis"
+ABOVE = (1.0, -2.0, 0.9)  # seen from the front, right and above
+VIEW = [ABOVE, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)]
+FINER = 2  # pixels rendered for one of the image, along each side: smooth lines with any driver
+MARGIN = 12  # white around what is aimed at [pixels]
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """A parallel projection onto an image, z upwards.
+
+    Parameters
+    ----------
+    direction : (3,)
+        From the scene towards the viewer; not along z.
+    centre : (3,)
+        What is seen in the middle of the image [length].
+    scale : float
+        Length of one pixel [length].
+    size : (2,)
+        Width and height of the image [pixels].
+    """
+
+    direction: Array
+    centre: Array
+    scale: float
+    size: tuple[int, int]
+
+    def pixels(self, points: Array) -> Array:
+        """Project points (q, 3) to pixels (q, 2) from the upper left corner: rightwards, downwards."""
+        return (points - self.centre) @ screen(self.direction)[:2].T / self.scale + np.array(self.size) / 2
+
+
+def aimed(points: Array, direction: Sequence[float], room: tuple[int, int]) -> Camera:
+    """Choose the camera that sees points (q, 3) as large as a room of width and height [pixels] allows."""
+    towards = np.asarray(direction, dtype=float)
+    axes = screen(towards)
+    seen = points @ axes.T
+    low, high = seen.min(axis=0), seen.max(axis=0)
+    scale = float(((high - low)[:2] / (np.array(room) - 2 * MARGIN)).max())
+    width, height = (np.ceil((high - low)[:2] / scale) + 2 * MARGIN).astype(int)
+    return Camera(towards, (low + high) / 2 @ axes, scale, (int(width), int(height)))
+
+
+def screen(direction: Array) -> Array:
+    """Return the unit vectors (3, 3) that are seen pointing rightwards, downwards and towards the viewer."""
+    right = np.cross([0.0, 0.0, 1.0], direction)
+    axes = np.stack([right, np.cross(right, direction), direction])
+    return axes / np.linalg.norm(axes, axis=1, keepdims=True)
+
+
+@dataclass(frozen=True, eq=False)
+class Layer:
+    """A mesh and how pyvista draws it."""
+
+    mesh: pyvista.PolyData
+    style: Mapping[str, Any]
+
+
+def check_renderer(otherwise: str) -> None:
+    """Raise UserError where the libraries that VTK needs to draw are missing: it would die without a word."""
+    if sys.platform != "linux":
+        return
+    for library in ("libEGL.so.1", "libGL.so.1"):
+        try:
+            ctypes.CDLL(library)
+        except OSError:
+            raise UserError(
+                f"pictures need {library}: on Debian or Ubuntu, apt install libegl1 libgl1 libegl-mesa0; or {otherwise}"
+            ) from None
+
+
+def quadrilaterals(points: Array, cells: Indices, **fields: Any) -> pyvista.PolyData:
+    """Make a mesh of quadrilaterals (c, 4) between points (q, 3), with fields (q, ...) or (c, ...)."""
+    mesh = pyvista.PolyData(points, np.insert(cells, 0, 4, axis=1).ravel())
+    for name, values in fields.items():
+        mesh[name] = values
+    return mesh
+
+
+def polylines(points: Sequence[Array]) -> pyvista.PolyData:
+    """Make a mesh of polylines, each through points (q, 3)."""
+    starts = np.cumsum([0, *(len(line) for line in points)])
+    lines = [
+        np.concatenate([[len(line)], start + np.arange(len(line))]) for line, start in zip(points, starts, strict=False)
+    ]
+    return pyvista.PolyData(np.concatenate(points), lines=np.concatenate(lines))
+
+
+def dots(points: Array) -> pyvista.PolyData:
+    """Make a mesh of single points (q, 3)."""
+    return pyvista.PolyData(points)
+
+
+def render(
+    surface: pyvista.PolyData, limits: tuple[float, float], lines: pyvista.PolyData, outline: pyvista.PolyData | None
+) -> Image:
+    """Render a surface coloured by its "field", black lines on it, grey outlines around it; white margins are cut."""
+    plotter = _plotter(SIZE)
+    light = {"ambient": 0.85, "diffuse": 0.15, "specular": 0.0}  # near the colours of the bar, yet edges show
+    colours = {"scalars": "field", "cmap": COLOURS, "clim": limits, "show_scalar_bar": False}
+    _add(plotter, Layer(surface, {**colours, **light}))
+    _add(plotter, Layer(lines, {"color": "black", "line_width": 2.5}))
+    if outline is not None:
+        _add(plotter, Layer(outline, {"color": "#666666", "line_width": 2}))
+    plotter.add_axes(line_width=5, color="black")
+    plotter.camera_position = VIEW
+    plotter.reset_camera()
+    image = _shot(plotter)
+    used = np.argwhere((image < 255).any(axis=2))
+    (top, left), (bottom, right) = used.min(axis=0), used.max(axis=0) + 1
+    return image[top:bottom, left:right]
+
+
+def seen(layers: Sequence[Layer], camera: Camera) -> Image:
+    """Render what a camera sees of several layers on white; widths of lines and sizes of points are in its pixels."""
+    width, height = camera.size
+    fine = replace(camera, scale=camera.scale / FINER, size=(FINER * width, FINER * height))
+    plotter = _plotter(fine.size)
+    for layer in layers:
+        widths = {key: FINER * layer.style[key] for key in ("line_width", "point_size") if key in layer.style}
+        _add(plotter, Layer(layer.mesh, {**layer.style, **widths}))
+    _aim(plotter, fine)
+    image = _shot(plotter).reshape(height, FINER, width, FINER, 3)
+    return np.round(image.mean(axis=(1, 3))).astype(np.uint8)
+
+
+def seen_numbers(mesh: pyvista.PolyData, numbers: Indices, camera: Camera) -> Indices:
+    """Find the number (>= 0) of the cell that is seen in each pixel (height, width), -1 where there is none."""
+    plotter = pyvista.Plotter(off_screen=True, window_size=list(camera.size))
+    plotter.disable_anti_aliasing()
+    plotter.render_window.SetMultiSamples(0)
+    plotter.set_background("black")
+    codes = (numbers[:, None] + 1 >> np.array([16, 8, 0])) & 255
+    plain = mesh.copy()
+    plain.cell_data["code"] = codes.astype(np.uint8)
+    plotter.add_mesh(plain, scalars="code", rgb=True, lighting=False)
+    _aim(plotter, camera)
+    return _shot(plotter).astype(np.int64) @ np.array([65536, 256, 1]) - 1
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write a figure; the ending of the name says in which format."""
+    with replacing(path) as temporary:
+        figure.savefig(temporary, dpi=DPI)
+
+
+def _plotter(size: tuple[int, int]) -> pyvista.Plotter:
+    plotter = pyvista.Plotter(off_screen=True, window_size=list(size), lighting="three lights")
+    plotter.set_background("white")
+    plotter.enable_anti_aliasing("msaa", multi_samples=8)
+    plotter.enable_parallel_projection()
+    return plotter
+
+
+def _add(plotter: pyvista.Plotter, layer: Layer) -> None:
+    """Draw a layer; lines and points on a surface are in front of it."""
+    actor = plotter.add_mesh(layer.mesh, **layer.style)
+    if "Normals" in layer.mesh.point_data:
+        actor.prop.interpolation = "Phong"
+    if layer.mesh.GetNumberOfPolys():
+        actor.mapper.SetResolveCoincidentTopologyToPolygonOffset()
+        actor.mapper.SetRelativeCoincidentTopologyPolygonOffsetParameters(1, 1)
+
+
+def _aim(plotter: pyvista.Plotter, camera: Camera) -> None:
+    """Look through a camera."""
+    far = camera.scale * sum(camera.size) * 10
+    towards = camera.direction / np.linalg.norm(camera.direction)
+    plotter.enable_parallel_projection()
+    plotter.camera_position = [camera.centre + far * towards, camera.centre, (0.0, 0.0, 1.0)]
+    plotter.camera.parallel_scale = camera.scale * camera.size[1] / 2
+    plotter.reset_camera_clipping_range()
+
+
+def _shot(plotter: pyvista.Plotter) -> Image:
+    """Take the picture and end the plotter."""
+    image: Image = plotter.screenshot(return_img=True)
+    plotter.close()
+    return image
