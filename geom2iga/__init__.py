@@ -6,17 +6,19 @@
 Model(bodies cube; 1 patches, 6 face groups)
 """
 
-from geom2iga.build import build
+from geom2iga.build import build, build_from_gmsh
 from geom2iga.case import GeometryCase
 from geom2iga.errors import CaseError, GeometryError, NotConvergedError, UserError, VerificationError
 from geom2iga.files import read_model, write_model
 from geom2iga.model import Glued, Model
 from geom2iga.patch import Face, Patch, elevated, evaluate, refined, reversed_along, surface
+from geom2iga.quality.certificate import Certificate
 from geom2iga.tables import Case, read_case
 
 __all__ = [
     "Case",
     "CaseError",
+    "Certificate",
     "Face",
     "GeometryCase",
     "GeometryError",
@@ -27,6 +29,7 @@ __all__ = [
     "UserError",
     "VerificationError",
     "build",
+    "build_from_gmsh",
     "elevated",
     "evaluate",
     "read_case",

@@ -2,6 +2,7 @@
 
 import hashlib
 import time
+from argparse import ArgumentParser
 from collections.abc import Mapping, Sequence
 from math import prod
 from pathlib import Path
@@ -9,42 +10,71 @@ from typing import Any
 
 from geom2iga.build import build
 from geom2iga.case import GeometryCase
+from geom2iga.exchange.formats import EXPORTS
 from geom2iga.files import FORMAT, VERSION, read_model, read_stamp, write_model
 from geom2iga.model import Model
-from geom2iga.stage import Stage, discard, fingerprint, log, run_command
+from geom2iga.patch import Patch
+from geom2iga.quality.certificate import summarised
+from geom2iga.stage import Stage, discard, fingerprint, log, run_command, uninterrupted
 from geom2iga.tables import Case, checked
 
 FILE = "geometry.h5"
+PICTURES = ("geometry.png", "faces.png", "control_net.png")
 
 
 def stamp(case: Case, folder: Path) -> str:
     """Fingerprint the [geometry] table and the CAD files that it names."""
     geometry = checked(case, GeometryCase).geometry
-    files = [case.folder / body.file for body in geometry.cad]
+    files = [case.folder / file for file in geometry.files]
     contents = [hashlib.sha256(file.read_bytes()).hexdigest() if file.is_file() else None for file in files]
     return fingerprint(geometry.model_dump(), contents)
 
 
 def run(case: Case, folder: Path, stamp: str) -> None:
-    """Build the model and write geometry.h5."""
+    """Build the model and write geometry.h5; what shows another geometry is removed."""
     began = time.perf_counter()
     model = build(case)
-    write_model(folder / FILE, model, stamp)
     discard(folder)
-    log.info("geom2iga: %s, %.2f s", describe(model), time.perf_counter() - began)
+    for name in (*PICTURES, *(export.file for export in EXPORTS.values())):
+        (folder / name).unlink(missing_ok=True)
+    write_model(folder / FILE, model, stamp)
+    for body in model.bodies:
+        log.info("%s", describe(model, body))
+    log.info("geom2iga: %s, %.2f s", count(model), time.perf_counter() - began)
 
 
-def describe(model: Model) -> str:
+def count(model: Model) -> str:
     """One line on what a model holds."""
-    parts = [f"{body} {_mesh(model, body)}" for body in model.bodies]
-    return f"{len(parts)} bodies: {', '.join(parts)}"
+    points = sum(prod(patch.shape) for patch in model.patches.values())
+    bodies, patches = _number(len(model.bodies), "body", "bodies"), _number(len(model.patches), "patch", "patches")
+    return f"{bodies}, {patches}, {points} control points"
 
 
-def _mesh(model: Model, body: str) -> str:
-    patch = model.patches[model.bodies[body][0]]
-    spans = " x ".join(str(len(at) - 1) for at in patch.breaks)
-    degrees = str(patch.degrees[0]) if len(set(patch.degrees)) == 1 else str(patch.degrees)
-    return f"(degree {degrees}, {spans} spans)"
+def _number(count: int, one: str, several: str) -> str:
+    """Count things in words."""
+    return f"{count} {one if count == 1 else several}"
+
+
+def describe(model: Model, body: str) -> str:
+    """One line on a body: its mesh, and what is proven of its shape."""
+    patches = [model.patches[name] for name in model.bodies[body]]
+    known = [model.certificates[patch.name] for patch in patches if patch.name in model.certificates]
+    return f"{body}: {_mesh(patches)}{'; ' if known else ''}{summarised(known) if known else ''}"
+
+
+def _mesh(patches: Sequence[Patch]) -> str:
+    """Number of patches, degrees and spans."""
+    degrees = " and ".join(map(str, sorted({degree for patch in patches for degree in patch.degrees})))
+    shapes = [[len(at) - 1 for at in patch.breaks] for patch in patches]
+    if len(patches) == 1:
+        return f"degree {degrees}, {' x '.join(map(str, shapes[0]))} spans"
+    return f"{len(patches)} patches, degree {degrees}, {sum(map(prod, shapes))} spans"
+
+
+def plan(case: Case) -> str:
+    """Say what would be built."""
+    model = build(case)
+    return "\n".join([count(model), *(describe(model, body) for body in model.bodies)])
 
 
 def summary(folder: Path) -> Mapping[str, Any]:
@@ -57,12 +87,38 @@ def summary(folder: Path) -> Mapping[str, Any]:
                 "degrees": patch.degrees,
                 "spans": [len(at) - 1 for at in patch.breaks],
                 "control_points": prod(patch.shape),
+                **(model.certificates[name].data if name in model.certificates else {}),
             }
             for name, patch in model.patches.items()
         },
         "bodies": {name: list(patches) for name, patches in model.bodies.items()},
+        "glued": len(model.glued),
         "faces": list(model.groups),
     }
+
+
+def flags(parser: ArgumentParser) -> None:
+    """Add the flags for pictures of the geometry and for files of other programs."""
+    parser.add_argument("--plot", action="store_true", help="draw patches, control net and named faces")
+    parser.add_argument("--export", choices=EXPORTS, metavar="FORMAT", help=f"write {', '.join(EXPORTS)} files, too")
+
+
+def extra(case: Case, folder: Path, options: Any) -> None:
+    """Draw and export geometry.h5."""
+    if not (options.plot or options.export):
+        return
+    model = read_model(folder / FILE)
+    names = []
+    if options.export:
+        export = EXPORTS[options.export]
+        export.write(folder / export.file, model)
+        names.append(export.file)
+    if options.plot:
+        with uninterrupted():
+            from geom2iga.picture.plot import draw_geometry  # takes a second to import
+
+        names += draw_geometry(model, folder, checked(case, GeometryCase).units.length)
+    log.info("geom2iga: %s", ", ".join(names))
 
 
 STAGE = Stage(
@@ -70,9 +126,11 @@ STAGE = Stage(
     GeometryCase,
     stamp,
     lambda folder: read_stamp(folder / FILE, FORMAT, VERSION),
-    lambda case: describe(build(case)),
+    plan,
     run,
     summary,
+    flags,
+    extra,
 )
 
 

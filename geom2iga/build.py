@@ -1,33 +1,46 @@
-"""From the [geometry] table to a Model."""
+"""From the [geometry] table, or the model that is open in gmsh, to a Model."""
 
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
 from math import radians
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from geom2iga import cad
-from geom2iga.blocks import trilinear_patch
+from geom2iga.assembly import Joined, assembled, face_groups, joined, with_mesh
+from geom2iga.body_case import Body
 from geom2iga.bspline import Array
-from geom2iga.case import Block, Cad, GeometryCase
-from geom2iga.errors import GeometryError
-from geom2iga.model import Model, block_groups
-from geom2iga.patch import Patch, elevated, refined
-from geom2iga.tables import Case, Source, as_case, checked
+from geom2iga.cad import session as cad
+from geom2iga.cad.case import Cad, CadModel, Import
+from geom2iga.cad.conversion import Built, convert
+from geom2iga.cad.importing import read_cad, read_gmsh
+from geom2iga.case import Block, GeometryCase
+from geom2iga.errors import CaseError, UserError
+from geom2iga.exchange.gismo import read_gismo
+from geom2iga.model import Face, Model, Part, block_groups
+from geom2iga.patch import Patch
+from geom2iga.shapes.case import Primitive
+from geom2iga.tables import Case, Source, Table, as_case, checked
+
+Tags = Mapping[str, tuple[int, ...]]
 
 
 def build(source: Source) -> Model:
-    """Build the bodies of a case in gmsh and turn them into NURBS patches.
+    """Build the bodies of a case and turn them into NURBS patches.
 
     Parameters
     ----------
     source : path, dict, Case or GeometryCase
-        With a path, CAD files are looked for relative to it, else relative to the working folder.
+        With a path, files are looked for relative to it, else relative to the working folder.
 
     Returns
     -------
     Model
-        One body of one patch per block, its faces named "body/left" ... "body/top".
+        A cuboid is a body of one patch, its faces named "body/left" ... "body/top"; other bodies have faces of other
+        names, and groups under the names that the case gives them.
 
     Raises
     ------
@@ -39,22 +52,103 @@ def build(source: Source) -> Model:
     source = source if isinstance(source, GeometryCase) else as_case(source)  # type: ignore[arg-type]
     geometry = checked(source, GeometryCase).geometry
     folder = source.folder if isinstance(source, Case) else Path()
-    patches = {}
-    for body in geometry.bodies:
-        patches[body.name] = _meshed(_read_body(body, folder), body, geometry.degrees(body))
-    groups = {group: faces for name in patches for group, faces in block_groups(name).items()}
-    return Model(patches, {name: (name,) for name in patches}, groups)
+    bodies: list[Joined] = []
+    patches: list[tuple[Patch, ...]] = []
+    groups: list[Mapping[str, tuple[Face, ...]]] = []
+    for where, table in geometry.tables:
+        with _told(where, getattr(table, "name", None)):
+            built, physical = _built(table, folder, geometry.degree)
+            found = [joined(each) for each in built]
+        named = face_groups(table, where, found, physical)
+        with _told(where, getattr(table, "name", None)):
+            patches += [with_mesh(body, named, geometry.degree) for body in found]
+        bodies += found
+        groups.append(named)
+    return assembled(bodies, patches, groups)
 
 
-def _read_body(body: Block | Cad, folder: Path) -> Patch:
-    """Build a body in gmsh and read it back as a trilinear patch."""
+@contextmanager
+def _told(where: str, name: str | None) -> Iterator[None]:
+    """Say of errors in which table, of which body they are."""
     try:
-        with cad.session():
-            if isinstance(body, Cad):
-                return trilinear_patch(cad.read_volume(cad.add_file(folder / body.file)), body.name)
-            return trilinear_patch(cad.read_volume(cad.add_block(body)), body.name, _axes(body))
-    except GeometryError as error:
-        raise GeometryError(f'body "{body.name}": {error}') from None
+        yield
+    except UserError as error:
+        body = "" if name is None else f', body "{name}"'
+        raise type(error)(f"{where}{body}: {error}") from None
+
+
+def build_from_gmsh(**keys: Any) -> Model:
+    """Turn the model that is open in gmsh into NURBS patches; gmsh stays open and its model as it is.
+
+    Parameters
+    ----------
+    keys
+        Those of a table [[geometry.cad]] but for its file, such as name, bodies, faces, degree, spans.
+
+    Examples
+    --------
+    >>> import gmsh
+    >>> gmsh.initialize(readConfigFiles=False, interruptible=False)
+    >>> gmsh.option.setNumber("General.Terminal", 0)
+    >>> tag = gmsh.model.occ.addBox(0, 0, 0, 1, 2, 3)
+    >>> gmsh.model.occ.synchronize()
+    >>> build_from_gmsh(name="block", degree=2, spans=4, faces=[{"name": "base", "z": 0.0}])
+    Model(bodies block; 1 patches, 7 face groups)
+    >>> gmsh.finalize()
+    """
+    table = checked({"geometry": keys}, OpenModel).geometry
+    source = read_gmsh(table)
+    bodies = [joined(built) for built in convert(source, table)]
+    groups = face_groups(table, "keys", bodies, source.face_groups)
+    return assembled(bodies, [with_mesh(body, groups, (1, 1, 1)) for body in bodies], [groups])
+
+
+class OpenModel(Table):
+    """The keys of `build_from_gmsh`, checked as those of a case are."""
+
+    geometry: CadModel
+
+
+def _built(table: Body, folder: Path, degrees: tuple[int, int, int]) -> tuple[list[Built], Tags]:
+    """Build the bodies of one table; return the physical groups of faces, too."""
+    if isinstance(table, Cad):
+        source = read_cad(folder / table.file, table)
+        return convert(source, table), source.face_groups
+    if isinstance(table, Block):
+        return [_built_block(table, degrees)], {}
+    assert isinstance(table, Primitive | Import)
+    name = table.name
+    part = table.part() if isinstance(table, Primitive) else _chosen(read_gismo(folder / table.file, name), table)
+    if not part.faces and len(part.patches) == 1:
+        part = Part(part.patches, _sides(name))
+    way = "exact" if isinstance(table, Primitive) else "given"
+    return [Built(name, part, table, {patch.name: (way, None) for patch in part.patches}, {})], {}
+
+
+def _chosen(part: Part, table: Import) -> Part:
+    """Keep the patches of a file that a table asks for."""
+    if table.patches is None:
+        return part
+    numbers = range(1, len(part.patches) + 1)
+    for number in table.patches:
+        if number not in numbers:
+            raise CaseError(
+                f"patches = {list(table.patches)}: the file holds {len(part.patches)}, there is no {number}"
+            )
+    kept = tuple(patch for number, patch in zip(numbers, part.patches, strict=True) if number in table.patches)
+    names = {patch.name for patch in kept}
+    faces = {name: tuple(face for face in group if face.patch in names) for name, group in part.faces.items()}
+    return Part(kept, {name: group for name, group in faces.items() if group})
+
+
+def _built_block(block: Block, degrees: tuple[int, int, int]) -> Built:
+    """Build a cuboid in gmsh and read it back."""
+    table = CadModel(name=block.name)
+    with cad.session():
+        cad.add_block(block)
+        source = read_gmsh(table)
+    (built,) = convert(source, table, _axes(block))
+    return replace(built, mesh=block, knots=block.knot_vectors(block.degree or degrees))
 
 
 def _axes(block: Block) -> Array:
@@ -65,10 +159,6 @@ def _axes(block: Block) -> Array:
     return Rotation.from_rotvec(axis * radians(block.rotate.angle)).as_matrix().T
 
 
-def _meshed(patch: Patch, body: Block | Cad, degrees: tuple[int, int, int]) -> Patch:
-    """Raise a trilinear patch to the asked degrees and knot vectors."""
-    wanted = body.knot_vectors(degrees)
-    ends = tuple(np.repeat(knots[[0, -1]], 2) for knots in wanted)
-    coarse = elevated(Patch(patch.name, patch.degrees, ends, patch.control_points), degrees)
-    inner = [knots[degree + 1 : -degree - 1] for knots, degree in zip(wanted, degrees, strict=True)]
-    return refined(coarse, knots=inner)
+def _sides(name: str) -> dict[str, tuple[Face, ...]]:
+    """Names of the six sides of a single patch, within its body."""
+    return {group.partition("/")[2]: faces for group, faces in block_groups(name).items()}

@@ -13,6 +13,8 @@ import numpy as np
 from geom2iga.errors import CaseError
 from geom2iga.model import Glued, Model
 from geom2iga.patch import Face, Patch
+from geom2iga.quality.certificate import Certificate
+from geom2iga.quality.jacobian import Jacobian
 
 FORMAT, VERSION = "geom2iga geometry", 2
 
@@ -92,6 +94,8 @@ def put_model(file: Any, model: Model) -> None:
             group[f"knots_{direction}"] = knots
         group["control_points"] = patch.control_points
         group["weights"] = patch.weights
+        if name in model.certificates:
+            _put_certificate(group.create_group("certificate"), model.certificates[name])
     for number, (name, patches) in enumerate(model.bodies.items()):
         _create(file, f"bodies/{number}", name)["patches"] = _strings(patches)
     for number, (name, faces) in enumerate(model.groups.items()):
@@ -104,16 +108,35 @@ def put_model(file: Any, model: Model) -> None:
 
 def get_model(file: Any) -> Model:
     """Read a model from an open HDF5 group."""
-    patches = {}
+    patches, certificates = {}, {}
     for name, group in _named(file, "patches"):
         degrees = tuple(group["degrees"][()].tolist())
         knots = tuple(group[f"knots_{d}"][()] for d in range(len(degrees)))
         patches[name] = Patch(name, degrees, knots, group["control_points"][()], group["weights"][()])
+        if "certificate" in group:
+            certificates[name] = _get_certificate(group["certificate"])
     bodies = {name: tuple(group["patches"].asstr()[()]) for name, group in _named(file, "bodies")}
     groups = {name: tuple(_get_faces(group)) for name, group in _named(file, "groups")}
     faces = _get_faces(file["glued"])
     glued = map(Glued, faces[::2], faces[1::2], file["glued/orientation"][()].tolist())
-    return Model(patches, bodies, groups, tuple(glued))
+    return Model(patches, bodies, groups, tuple(glued), certificates)
+
+
+def _put_certificate(group: Any, certificate: Certificate) -> None:
+    """Write a certificate as attributes; what is not known is left out."""
+    for part, values in (("", vars(certificate)), ("jacobian_", vars(certificate.jacobian))):
+        for key, value in values.items():
+            if value is not None and key != "jacobian":
+                group.attrs[part + key] = value
+
+
+def _get_certificate(group: Any) -> Certificate:
+    """Read a certificate."""
+    values = {key: value.tolist() if hasattr(value, "tolist") else value for key, value in group.attrs.items()}
+    known: dict[str, Any] = {key: values.get(f"jacobian_{key}") for key in Jacobian.__dataclass_fields__}
+    known |= {key: tuple(known[key]) for key in ("xi", "x")}
+    rest: dict[str, Any] = {key: values.get(key) for key in Certificate.__dataclass_fields__ if key != "jacobian"}
+    return Certificate(jacobian=Jacobian(**known), **rest)
 
 
 def _put_faces(group: Any, faces: Sequence[Face]) -> None:

@@ -47,6 +47,10 @@ class Stage:
         Does the work and writes it.
     summary : function of (folder)
         What --json prints, from what has been written.
+    flags : function of (parser)
+        Adds flags of its own.
+    extra : function of (case, folder, options)
+        Does what these flags ask for, from what has been written, also where that was up to date.
     """
 
     name: str
@@ -56,6 +60,8 @@ class Stage:
     plan: Callable[[Case], str]
     run: Callable[[Case, Path, str], None]
     summary: Callable[[Path], Mapping[str, Any]]
+    flags: Callable[[argparse.ArgumentParser], None] = lambda parser: None
+    extra: Callable[[Case, Path, Any], None] = lambda case, folder, options: None
 
 
 def fingerprint(*parts: object) -> str:
@@ -83,7 +89,10 @@ def run_command(description: str, stages: Sequence[Stage], arguments: Sequence[s
     130 interrupted.
     """
     program = stages[0].name if len(stages) == 1 else "iga-run"
-    options = _parser(program, description).parse_args(arguments)
+    parser = _parser(program, description)
+    for stage in stages:
+        stage.flags(parser)
+    options = parser.parse_args(arguments)
     if options.schema:
         return _print_json(_schema(stages))
     _talk(options)
@@ -125,19 +134,20 @@ def _run(program: str, options: Any, stages: Sequence[Stage]) -> int:
     _log_to(folder)
     try:
         for stage in stages:
-            _run_stage(stage, case, folder, options.force)
+            _run_stage(stage, case, folder, options)
     except VerificationError:
         _print_summary(options, stages, folder)
         raise
     return _print_summary(options, stages, folder)
 
 
-def _run_stage(stage: Stage, case: Case, folder: Path, force: bool) -> None:
+def _run_stage(stage: Stage, case: Case, folder: Path, options: Any) -> None:
     stamp = stage.stamp(case, folder)
-    if not force and stage.written(folder) == stamp:
+    if not options.force and stage.written(folder) == stamp:
         log.info("%s: up to date", stage.name)
     else:
         stage.run(case, folder, stamp)
+    stage.extra(case, folder, options)
 
 
 def listed(folder: Path) -> set[str]:

@@ -18,7 +18,6 @@ Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0)]
 Count = Annotated[int, Field(strict=True, ge=1)]
 Vector = tuple[Number, Number, Number]
-Counts = tuple[Count, Count, Count]
 Direction = tuple[list[Number], list[Number], list[Number]]
 
 
@@ -38,7 +37,10 @@ def _word(value: Any) -> Any:
     return value
 
 
-Triple = Annotated[Counts, BeforeValidator(_three)]
+Degree = Annotated[int, Field(strict=True, ge=1, le=20)]
+Degrees = Annotated[tuple[Degree, Degree, Degree], BeforeValidator(_three)]
+Spans = Annotated[int, Field(strict=True, ge=1, le=10_000)]
+SpansEach = Annotated[tuple[Spans, Spans, Spans], BeforeValidator(_three)]
 Name = Annotated[str, BeforeValidator(_word)]
 
 
@@ -156,6 +158,8 @@ WORDS = {  # what pydantic calls things, and what they are in a case file
     " after validation": "",
     "valid tuple": "list",
     "valid dictionary or instance of": "table, a",
+    "valid dictionary": "table",
+    "a valid boolean": "true or false",
 }
 
 
@@ -173,7 +177,8 @@ def _explained(error: Any, kind: type[Table]) -> str:
     if error["type"] == "missing":
         return f"{key} is missing"
     if error["type"] == "tuple_type" and isinstance(error["input"], Mapping):
-        return f"{key} is one table, should be a list of tables: write [[{key}]]"
+        name = re.sub(r"\[[0-9]+]", "", key)
+        return f"{key} is one table, should be a list of tables: write [[{name}]]"
     if error["type"] == "value_error":
         return f"{key}: {message}" if not message.startswith(("block[", "cad[", "breaks[")) else f"{key}.{message}"
     return f"{key} = {error['input']!r:.80}: {message[0].lower()}{message[1:]}"
@@ -182,9 +187,10 @@ def _explained(error: Any, kind: type[Table]) -> str:
 def _keys(kind: Any, path: tuple[int | str, ...]) -> list[str]:
     """Find the keys allowed in the table that a path of keys leads to."""
     for part in path:
-        if isinstance(part, str) and part in kind.model_fields:
-            kind = _table_in(kind.model_fields[part].annotation)
-    return list(kind.model_fields)
+        fields = {info.alias or name: info for name, info in kind.model_fields.items()}
+        if part in fields:
+            kind = _table_in(fields[part].annotation)
+    return [info.alias or name for name, info in kind.model_fields.items()]
 
 
 def _table_in(annotation: Any) -> Any:

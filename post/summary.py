@@ -25,6 +25,7 @@ def summarise(result: Result, checks: Sequence[Check], samples: int) -> dict[str
         **{key: statistics[key] for key in keys},
         "seconds": dict(statistics["seconds"]),
         "bodies": {body: _body(result, body, samples) for body in result.model.bodies},
+        "patches": {name: certificate.data for name, certificate in result.model.certificates.items()},
         "contact": list(_contacts(result, samples)),
         "verify": [asdict(check) for check in checks],
     }

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from geom2iga import bspline
-from geom2iga.case import Block, GeometryCase, Mesh
+from geom2iga.case import Block, GeometryCase
 from geom2iga.errors import CaseError, suggestion
 from geom2iga.tables import TABLES, Case, as_case, checked, read_case
 from tests.strategies import graded_breaks, open_knot_vectors
@@ -28,7 +28,13 @@ def message(case):
     with pytest.raises(CaseError) as error:
         checked(case, GeometryCase)
     assert "pydantic" not in str(error.value)
+    assert error.value.exit_code == 2
     return str(error.value)
+
+
+def names_of(case):
+    """Names of the bodies of a case, in their sequence."""
+    return [table.name for _, table in checked(case, GeometryCase).geometry.tables]
 
 
 @pytest.mark.parametrize(
@@ -116,9 +122,12 @@ def test_a_wrong_second_block_is_called_by_its_number():
     assert "geometry.block[1].size[2] = -1" in message({"geometry": {"block": [BLOCK, second]}})
 
 
-def test_wrong_knots_of_a_cad_body_are_called_by_their_key():
-    body = {"name": "punch", "file": "punch.step", "degree": 2, "knots": [LINE] * 3}
-    assert "geometry.cad[0].knots[0]" in message({"geometry": {"cad": [body]}})
+@pytest.mark.parametrize(("key", "value"), [("knots", [LINE] * 3), ("breaks", [[0, 1]] * 3)])
+def test_only_blocks_take_knots_and_breaks(key, value):
+    body = {"name": "punch", "file": "punch.step", key: value}
+    text = message({"geometry": {"cad": [body]}})
+    assert f'unknown key "{key}" in [geometry.cad[0]]' in text
+    assert "span_size" in text
 
 
 def test_knots_must_fit_the_common_degree_too():
@@ -138,7 +147,16 @@ def test_a_mesh_is_given_in_one_way_only(pair):
 
 def test_two_bodies_must_not_share_a_name():
     cad = {"name": "cube", "file": "cube.step"}
-    for geometry in ({"block": [BLOCK, BLOCK]}, {"block": [BLOCK], "cad": [cad]}):
+    parts = {"file": "cube.step", "bodies": [{"name": "cube", "tags": [1]}]}
+    imported, ball = {"name": "cube", "file": "cube.xml"}, {"name": "cube", "radius": 1.0}
+    for geometry in (
+        {"block": [BLOCK, BLOCK]},
+        {"block": [BLOCK], "cad": [cad]},
+        {"block": [BLOCK], "cad": [parts]},
+        {"cad": [parts, parts]},
+        {"block": [BLOCK], "import": [imported]},
+        {"block": [BLOCK], "sphere": [ball]},
+    ):
         text = message({"geometry": geometry})
         assert "geometry" in text
         assert '"cube"' in text
@@ -212,42 +230,52 @@ def test_one_number_stands_for_three():
 
 def test_everything_left_out_has_its_documented_value():
     geometry = checked(case_of(), GeometryCase).geometry
-    (block,) = geometry.bodies
-    assert (block.origin, block.rotate, geometry.degrees(block)) == ((0, 0, 0), None, (1, 1, 1))
-    for knots in block.knot_vectors((1, 2, 3)):
-        assert bspline.breaks(knots).tolist() == [0, 1]
+    (block,) = geometry.block
+    assert (block.origin, block.rotate, block.degree, geometry.degree) == ((0, 0, 0), None, None, (1, 1, 1))
+    assert (block.spans, block.span_size, block.grading, block.faces) == (None, None, (), ())
+    assert block.knot_vectors((1, 2, 3)) is None
 
 
 def test_one_degree_stands_for_three_and_a_body_may_have_its_own():
     blocks = [BLOCK, BLOCK | {"name": "own", "degree": [3, 1, 2]}, BLOCK | {"name": "other", "degree": 4}]
     geometry = checked({"geometry": {"degree": 2, "block": blocks}}, GeometryCase).geometry
-    assert [geometry.degrees(body) for body in geometry.bodies] == [(2, 2, 2), (3, 1, 2), (4, 4, 4)]
+    assert geometry.degree == (2, 2, 2)
+    assert [block.degree for block in geometry.block] == [None, (3, 1, 2), (4, 4, 4)]
 
 
-def test_blocks_come_before_cad_bodies_in_the_sequence_of_the_file():
+def test_every_body_is_listed_with_its_key_kind_by_kind_in_the_sequence_of_the_file():
+    imported = [{"name": "z", "file": "z.xml"}]
     cad = [{"name": name, "file": f"{name}.step"} for name in ("c", "a")]
+    balls = [{"name": "ball", "radius": 1.0}]
     blocks = [BLOCK | {"name": name} for name in ("d", "b")]
-    geometry = checked({"geometry": {"cad": cad, "block": blocks}}, GeometryCase).geometry
-    assert [body.name for body in geometry.bodies] == ["d", "b", "c", "a"]
+    geometry = {"import": imported, "cad": cad, "sphere": balls, "block": blocks}
+    tables = list(checked({"geometry": geometry}, GeometryCase).geometry.tables)
+    kinds = ["block[0]", "block[1]", "sphere[0]", "cad[0]", "cad[1]", "import[0]"]
+    assert [key for key, _ in tables] == [f"geometry.{kind}" for kind in kinds]
+    assert [table.name for _, table in tables] == ["d", "b", "ball", "c", "a", "z"]
+
+
+def test_the_files_that_a_case_needs_are_listed():
+    geometry = {"import": [{"name": "z", "file": "z.xml"}], "cad": [{"file": "a.step"}], "block": [BLOCK]}
+    assert checked({"geometry": geometry}, GeometryCase).geometry.files == ["a.step", "z.xml"]
 
 
 @pytest.mark.parametrize("name", ["a", "Stößel", "上部", "punch_2-left", "7"])
 def test_names_of_letters_of_any_script_digits_and_hyphens_are_good(name):
-    assert checked(case_of(name=name), GeometryCase).geometry.bodies[0].name == name
+    assert names_of(case_of(name=name)) == [name]
 
 
 @given(st.tuples(*[st.integers(1, 9)] * 3), st.tuples(*[st.integers(1, 4)] * 3))
-def test_spans_are_equal(spans, degrees):
-    for knots, count, degree in zip(Mesh(spans=spans).knot_vectors(degrees), spans, degrees, strict=True):
-        bspline.check_knots(knots, degree)
-        np.testing.assert_allclose(np.diff(bspline.breaks(knots)), np.full(count, 1 / count), rtol=1e-12)
-        assert len(knots) == count + 2 * degree + 1
+def test_spans_alone_are_no_knot_vectors(spans, degrees):
+    """What the mesh becomes is decided when all patches of the body are known."""
+    block = Block(name="a", size=(1, 1, 1), spans=spans)
+    assert (block.spans, block.knot_vectors(degrees)) == (spans, None)
 
 
 @given(st.tuples(*[open_knot_vectors()] * 3))
 def test_full_knot_vectors_are_taken_as_they_are(splines):
     knots, degrees = zip(*splines, strict=True)
-    found = Mesh(knots=[k.tolist() for k in knots]).knot_vectors(degrees)
+    found = Block(name="a", size=(1, 1, 1), knots=[k.tolist() for k in knots]).knot_vectors(degrees)
     for one, other in zip(found, knots, strict=True):
         np.testing.assert_array_equal(one, other)
 
@@ -255,7 +283,7 @@ def test_full_knot_vectors_are_taken_as_they_are(splines):
 @given(graded_breaks())
 def test_breaks_become_the_distinct_knots(at):
     at = [0.0, *at[1:-1].tolist(), 1.0]
-    for knots in Mesh(breaks=[at] * 3).knot_vectors((1, 2, 3)):
+    for knots in Block(name="a", size=(1, 1, 1), breaks=[at] * 3).knot_vectors((1, 2, 3)):
         assert bspline.breaks(knots).tolist() == at
 
 
@@ -265,7 +293,7 @@ def test_a_checked_case_is_taken_as_it_is_and_never_changes():
     with pytest.raises(ValidationError):
         case.title = "other"
     with pytest.raises(ValidationError):
-        case.geometry.bodies[0].size = (1, 1, 1)
+        case.geometry.block[0].size = (1, 1, 1)
 
 
 def test_the_case_of_another_stage_is_refused():

@@ -7,11 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from geom2iga import files
+from geom2iga import build, files
 from geom2iga.errors import CaseError
 from geom2iga.files import FORMAT, VERSION, read_model, read_stamp, replacing, write_model
 from geom2iga.model import Glued, Model
 from geom2iga.patch import Face
+from geom2iga.quality.certificate import Certificate
+from geom2iga.quality.jacobian import Jacobian
 from tests.cases import bent_patch, block_patch, model_of
 from tests.oracles import assert_round_trip, assert_same_model
 from tests.strategies import patches
@@ -32,12 +34,23 @@ def models(draw: Any) -> Model:
     bodies = draw(st.lists(NAMES, unique=True, min_size=2, max_size=3))
     holder = [draw(st.sampled_from(bodies)) for _ in names]
     faces = st.builds(Face, st.sampled_from(names), st.integers(0, 2), st.integers(0, 1))
-    groups = draw(st.dictionaries(NAMES, st.lists(faces, max_size=3).map(tuple), max_size=4))
+    groups = draw(st.dictionaries(NAMES, st.lists(faces, max_size=3, unique=True).map(tuple), max_size=4))
     return Model(
         volumes,
         {body: tuple(n for n, b in zip(names, holder, strict=True) if b == body) for body in bodies},
         groups,
     )
+
+
+@st.composite
+def certificates(draw: Any) -> Certificate:
+    """Certificates of any numbers, some of them unknown."""
+    numbers = st.floats(allow_nan=False) | st.sampled_from([-0.0, 5e-324, 0.1 + 0.2])
+    places, unknown = st.tuples(numbers, numbers, numbers), st.none() | numbers
+    status = draw(st.sampled_from(["proven", "not proven", "folded", "left-handed", "degenerate"]))
+    jacobian = Jacobian(status, draw(numbers), draw(places), draw(places), draw(unknown), draw(numbers))
+    way = draw(st.sampled_from(["exact", "fitted", "given"]))
+    return Certificate(way, draw(unknown), jacobian, draw(numbers), draw(numbers))
 
 
 @pytest.fixture(scope="module")
@@ -63,6 +76,34 @@ def test_glued_faces_come_back(path):
     glued = (Glued(Face("lower", 2, 1), Face("upper", 2, 0), 0),)
     write_model(path, model := Model(patches, {"both": ("lower", "upper")}, {}, glued))
     assert_same_model(read_model(path), model)
+
+
+@given(models(), st.data())
+def test_the_certificates_come_back_bit_for_bit(path, model, data):
+    certified = data.draw(st.lists(st.sampled_from(list(model.patches)), unique=True))
+    expected = {name: data.draw(certificates()) for name in certified}
+    write_model(path, replace(model, certificates=expected))
+    found = read_model(path).certificates
+    assert set(found) == set(expected)
+    for name in certified:
+        assert repr(found[name]) == repr(expected[name])  # types, signs of zeros and all digits, too
+
+
+def test_the_certificates_of_a_model_as_it_is_built_come_back(path):
+    pipe = {"name": "pipe", "inner": 1.0, "outer": 2.0, "height": 1.0}
+    model = build({"geometry": {"pipe": [pipe], "block": [{"name": "block", "size": [1, 2, 3]}]}})
+    write_model(path, model)
+    found = read_model(path)
+    assert_same_model(found, model)
+    assert list(found.certificates) == list(model.patches)
+    for name, certificate in model.certificates.items():
+        assert found.certificates[name] == certificate
+        assert repr(found.certificates[name].data) == repr(certificate.data)
+
+
+def test_a_model_without_certificates_has_none_when_it_comes_back(path):
+    write_model(path, model_of(block_patch()))
+    assert dict(read_model(path).certificates) == {}
 
 
 def test_a_model_of_very_many_names_comes_back(path):

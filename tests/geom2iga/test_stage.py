@@ -104,7 +104,7 @@ def test_talk_goes_to_standard_error_and_says_what_was_made(case, capsys):
     assert main([str(case)]) == 0
     out, err = capsys.readouterr()
     assert out == ""
-    assert "cube (degree 2, 2 x 1 x 4 spans)" in err
+    assert "cube: degree 2, 2 x 1 x 4 spans; exact" in err
 
 
 def test_quiet_prints_nothing(case, capsys):
@@ -123,7 +123,7 @@ def test_everything_said_is_in_the_log_too_run_after_run(case):
     for flag in ("-q", "-v"):
         assert main([flag, "-f", str(case)]) == 0
     text = (case.parent / "cube.out" / "log.txt").read_text()
-    assert text.count("cube (degree 2") == 2
+    assert text.count("cube: degree 2") == 2
 
 
 def test_json_puts_only_the_summary_on_standard_output(case, capsys):
@@ -131,7 +131,9 @@ def test_json_puts_only_the_summary_on_standard_output(case, capsys):
         assert main([str(case), "--json"]) == 0
         summary = json.loads(capsys.readouterr().out)
         assert summary["status"] == "done"
-        assert summary["patches"]["cube"] == {"degrees": [2, 2, 2], "spans": [2, 1, 4], "control_points": 4 * 3 * 6}
+        cube = summary["patches"]["cube"]
+        assert (cube["degrees"], cube["spans"], cube["control_points"]) == ([2, 2, 2], [2, 1, 4], 4 * 3 * 6)
+        assert (cube["way"], cube["jacobian"], cube["volume"]) == ("exact", "proven", pytest.approx(6.0, rel=1e-12))
         assert summary["bodies"] == {"cube": ["cube"]}
         assert "cube/top" in summary["faces"]
 
