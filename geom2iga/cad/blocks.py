@@ -61,6 +61,9 @@ def _check_loops(where: str, face: CadFace, topology: Topology) -> None:
     name, kind = f"{where}: face {face.tag}", face.surface.kind
     poles = [edge for edge in face.edges if topology.edges[edge].kind == "pole"]
     edges = [edge for edge in face.edges if edge not in poles]
+    if len(set(edges)) < len(edges) and kind == "plane":
+        inner = next(edge for edge in edges if edges.count(edge) > 1)
+        raise GeometryError(f"{name} meets itself along edge {inner}, which lies inside it: remove that edge")
     if len(set(edges)) < len(edges):
         pole = " and holds a pole" if poles else ""
         raise GeometryError(

@@ -82,12 +82,16 @@ class Use(NamedTuple):
 
 
 class Trace(NamedTuple):
-    """A curve of an edge, in space (surface 0) or in the parameter plane of a surface, and its range."""
+    """A curve of an edge, in space (surface 0) or in the parameter plane of a surface, and its range.
+
+    Along the seam of a closed surface there are two in the parameter plane, a period apart.
+    """
 
     curve: Any
     surface: int
     location: Location
     range: tuple[float, float]
+    other: Any = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -321,16 +325,17 @@ class _Shapes:
                 yield self.trace(self.curves[words.integer()], 0)
             elif kind in (2, 3):
                 curve = self.plane_curves[words.integer()]
-                self.skip(2 if kind == 3 else 0)  # a seam has a second curve, and a smoothness
-                yield self.trace(curve, words.integer())
+                other = self.plane_curves[words.integer()] if kind == 3 else None
+                self.skip(1 if kind == 3 else 0)  # the smoothness across the seam
+                yield self.trace(curve, words.integer(), other)
                 self.skip((8 if kind == 3 else 4) if self.ends_in_plane else 0)
             else:
                 self.skip({4: 5, 5: 2, 6: 3, 7: 4}[kind])  # smoothness across the edge, polygons
 
-    def trace(self, curve: Any, surface: int) -> Trace:
+    def trace(self, curve: Any, surface: int, other: Any = None) -> Trace:
         location = self.locations[self.words.integer()]
         low, high = self.words.numbers(2)
-        return Trace(curve, surface, location, (float(low), float(high)))
+        return Trace(curve, surface, location, (float(low), float(high)), other)
 
     def skip(self, count: int) -> None:
         self.words.next += count

@@ -3,18 +3,17 @@
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from xml.etree import ElementTree
 
 import numpy as np
 
 from geom2iga.bspline import Array
 from geom2iga.cad.brep import Brep, Location, Trace, Use, combined, read_brep
-from geom2iga.cad.exact import Record, curve_spline, straight
+from geom2iga.cad.exact import Record, curve_spline, plane_curve, straight
 from geom2iga.errors import GeometryError
 from geom2iga.glue import MEETS, clusters
 from geom2iga.spline import Spline, points_of
 
-DIMENSIONS = {"vertex": 0, "edge": 1, "face": 2, "solid": 3}
+ENTITY = re.compile(r'name="([0-3]:\d+)" reference="(\d+)"')
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,10 +102,10 @@ def read_topology(xao: str) -> Topology:
     GeometryError
         The boundary representation in it cannot be read, or holds an offset curve.
     """
-    root = ElementTree.fromstring(re.sub(r"<!\[CDATA\[.*?\]\]>", "", xao, flags=re.DOTALL))
-    names = {int(each.get("reference", 0)): each.get("name", "") for each in root.iter() if each.get("reference")}
-    text = re.search(r"<!\[CDATA\[(.*?)\]\]>", xao, re.DOTALL)
-    return _Reader(read_brep(text[1] if text else ""), names).topology()
+    text, _, rest = xao.partition("<![CDATA[")[2].partition("]]>")
+    entities = rest.partition("<groups")[0]  # users' names follow there, and gmsh does not escape them: no XML parser
+    names = {int(number): name for name, number in ENTITY.findall(entities)}
+    return _Reader(read_brep(text), names).topology()
 
 
 Key = tuple[int, Location]  # a shape in its place, however it is turned
@@ -184,11 +183,37 @@ class _Reader:
                     if trace.surface == shape.surface and self.same_place(key, shape.location, edge, trace.location):
                         traces[self.tags[edge]] = trace
         matrix = self.brep.matrix(combined(key[1], shape.location))
-        return CadFace(tag, self.brep.surfaces[shape.surface], matrix, tuple(loops), traces)
+        return CadFace(tag, self.brep.surfaces[shape.surface], matrix, tuple(loops), _on_one_side(traces))
 
     def same_place(self, face: Key, on_face: Location, edge: Key, on_edge: Location) -> bool:
         """Whether a trace belongs to the surface of a face where that lies."""
         return combined(face[1], on_face) == combined(edge[1], on_edge)
+
+
+def _on_one_side(traces: Mapping[int, Trace]) -> dict[int, Trace]:
+    """Choose for an edge on the seam of a closed surface the trace that the traces beside it lead to."""
+    ends = {tag: _plane_ends(trace) for tag, trace in traces.items()}
+    chosen = {}
+    for tag, trace in traces.items():
+        beside = [other for other, around in traces.items() if other != tag and around.other is None]
+        if trace.other is not None and beside:
+            turned = trace._replace(curve=trace.other)
+            places = np.concatenate([ends[other] for other in beside])
+            apart = [_farthest(_plane_ends(each), places) for each in (trace, turned)]
+            trace = trace if apart[0] <= apart[1] else turned
+        chosen[tag] = trace
+    return chosen
+
+
+def _plane_ends(trace: Trace) -> Array:
+    """Ends (2, 2) of an edge in the parameter plane."""
+    curve = plane_curve(trace.curve, *trace.range)
+    return curve.coefficients[[0, -1], :-1] / curve.coefficients[[0, -1], -1:]
+
+
+def _farthest(points: Array, places: Array) -> float:
+    """Largest distance of points (n, 2) from the nearest of some places (m, 2)."""
+    return float(np.linalg.norm(points[:, None] - places, axis=2).min(axis=1).max())
 
 
 def merged(topology: Topology, solids: Mapping[int, Solid]) -> Topology:

@@ -188,6 +188,17 @@ def block_with_toroidal_side(occ):
     turned_about_z(occ, plate(occ, [(1, 0, -1), (3, 0, -1), (3, 0, 1), (1, 0, 1)], {1: (2, 0, 0)}), 60)
 
 
+@MODELS.entry(4, 1.5 * pi, glued=4)
+def pipe_cut_through_its_seam(occ):
+    """The seam of each cylinder is an edge of two blocks."""
+    pipe = occ.cut([(3, occ.addCylinder(0, 0, 0, 0, 0, 2, 1))], [(3, occ.addCylinder(0, 0, 0, 0, 0, 2, 0.5))])[0]
+    planes = [(2, occ.addRectangle(-3, -3, 1, 6, 6)) for _ in range(2)]
+    occ.rotate(planes, 0, 0, 1, 1, 0, 0, pi / 2)
+    occ.rotate(planes[1:], 0, 0, 1, 0, 0, 1, pi / 2)
+    pieces = occ.fragment(pipe, planes)[0]
+    occ.remove([entity for entity in pieces if entity[0] == 2], recursive=True)
+
+
 @MODELS.entry(4, 6 * pi, glued=4)
 def pipe_in_four(occ):
     fused(occ, 3, [pipe_quarter(occ, 2, 90 * k) for k in range(4)])

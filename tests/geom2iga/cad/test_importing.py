@@ -270,3 +270,16 @@ def test_a_crash_names_the_file(tmp_path, monkeypatch):
     )
     with pytest.raises(GeometryError, match=r'box\.brep": gmsh crashed \(SIGSEGV\)'):
         read_cad(path, Cad(name="box", file=str(path)))
+
+
+def test_names_of_physical_groups_that_are_no_xml_do_no_harm():
+    gmsh.initialize(readConfigFiles=False, interruptible=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.model.occ.addBox(0, 0, 0, 1, 1, 1)
+        gmsh.model.occ.synchronize()
+        gmsh.model.addPhysicalGroup(2, [1, 2], name='<"walls" & more')
+        model = build_from_gmsh(name="box")
+    finally:
+        gmsh.finalize()
+    assert len(model.groups['<"walls" & more']) == 2
