@@ -1,5 +1,6 @@
 """From a CAD model, as gmsh hands it over, to bodies of coarse patches."""
 
+import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -12,11 +13,20 @@ from geom2iga.bspline import Array
 from geom2iga.cad.blocks import block_spline, check_block
 from geom2iga.cad.case import CadModel
 from geom2iga.cad.case import Part as PartTable
-from geom2iga.cad.faces import FaceSpline, convert_faces, distance_from
+from geom2iga.cad.faces import convert_faces, distance_from
 from geom2iga.cad.mesh_route import Fitted
 from geom2iga.cad.topology import Topology, merged, read_topology
 from geom2iga.errors import CaseError, GeometryError, suggestion
 from geom2iga.model import Face, Part, block_groups
+
+log = logging.getLogger("geom2iga")
+
+
+class Volume(NamedTuple):
+    """A volume as gmsh lists it: its label, as STEP files give it, and its bounding box (2, 3) [length]."""
+
+    label: str
+    box: Array
 
 
 class CadSource(NamedTuple):
@@ -26,14 +36,14 @@ class CadSource(NamedTuple):
     ----------
     xao : str
         XAO text, its entities named by dimension and tag; empty where nothing in it was made by OpenCASCADE.
-    volumes : tag to label
+    volumes : tag to Volume
     volume_groups, face_groups : physical group to tags
     fitted : volume tag to Fitted
         What the mesh route made of the volumes, empty for the exact route.
     """
 
     xao: str
-    volumes: Mapping[int, str]
+    volumes: Mapping[int, Volume]
     volume_groups: Mapping[str, tuple[int, ...]]
     face_groups: Mapping[str, tuple[int, ...]]
     fitted: Mapping[int, Fitted] = {}
@@ -81,8 +91,8 @@ def convert(source: CadSource, table: CadModel, axes: Array | None = None) -> li
     """
     if not source.volumes:
         raise GeometryError("there is no volume, only surfaces or less: make solids of them in the CAD program")
-    if source.fitted:
-        return [_from_mesh(source, part, tags, table) for part, tags in _bodies(source, table, {})]
+    if table.route == "mesh":
+        return [_from_mesh(source, part, tags, table) for part, tags in find_bodies(source, table)]
     topology = read_topology(source.xao)
     lacking = set(source.volumes) - set(topology.solids)
     if lacking:
@@ -91,33 +101,31 @@ def convert(source: CadSource, table: CadModel, axes: Array | None = None) -> li
             'with SetFactory("OpenCASCADE"), or use route = "mesh"'
         )
     wanted = np.eye(3) if axes is None else axes
-    return [_exact(topology, part, tags, table, wanted) for part, tags in _bodies(source, table, _boxes(topology))]
+    return [_exact(topology, part, tags, table, wanted) for part, tags in find_bodies(source, table)]
 
 
-def _boxes(topology: Topology) -> dict[int, Array]:
-    """Bounding boxes (2, 3) of the vertices of each volume."""
-    boxes = {}
-    for tag, solid in topology.solids.items():
-        ends = {v for face in solid.faces for edge in topology.faces[face].edges for v in topology.edges[edge].ends}
-        points = np.array([topology.vertices[v] for v in ends])
-        boxes[tag] = np.array([points.min(axis=0), points.max(axis=0)])
-    return boxes
+def find_bodies(source: CadSource, table: CadModel) -> list[tuple[PartTable, list[int]]]:
+    """List the bodies of a model and the volumes of each; those in no body are left out, which is logged.
 
-
-def _bodies(source: CadSource, table: CadModel, boxes: Mapping[int, Array]) -> list[tuple[PartTable, list[int]]]:
-    """List the bodies of a model and the volumes of each."""
+    Raises
+    ------
+    CaseError
+        A body without volumes, one volume in two bodies, or no body at all.
+    """
     if table.name is not None:
         return [(PartTable(name=table.name), list(source.volumes))]
     parts = table.bodies or tuple(map(_part_of, source.volume_groups))
     if not parts:
         raise CaseError("give the bodies names: name for one, bodies for several, or physical groups of volumes")
-    found = [(part, _volumes_of(part, source, boxes)) for part in parts]
+    found = [(part, _volumes_of(part, source)) for part in parts]
     holder: dict[int, str] = {}
     for part, tags in found:
         for tag in tags:
             if tag in holder:
                 raise CaseError(f'volume {tag} is in two bodies, "{holder[tag]}" and "{part.name}"')
             holder[tag] = part.name
+    if left := [str(tag) for tag in source.volumes if tag not in holder]:
+        log.info("volumes in no body: %s", ", ".join(left))
     return found
 
 
@@ -132,7 +140,7 @@ def _part_of(group: str) -> PartTable:
         ) from None
 
 
-def _volumes_of(part: PartTable, source: CadSource, boxes: Mapping[int, Array]) -> list[int]:
+def _volumes_of(part: PartTable, source: CadSource) -> list[int]:
     """Choose the volumes that a body consists of; where several keys are given, all of them hold."""
     where = f'body "{part.name}"'
     left = list(source.volumes)
@@ -142,15 +150,17 @@ def _volumes_of(part: PartTable, source: CadSource, boxes: Mapping[int, Array]) 
             raise CaseError(f'{where}: there is no physical group "{part.group}" of volumes; {known}')
         left = [tag for tag in left if tag in source.volume_groups[part.group]]
     if part.label is not None:
-        left = [tag for tag in left if part.label in (source.volumes[tag], source.volumes[tag].rpartition("/")[2])]
+        labels = {tag: source.volumes[tag].label for tag in left}
+        left = [tag for tag in left if part.label in (labels[tag], labels[tag].rpartition("/")[2])]
     if part.tags is not None:
         left = [tag for tag in left if tag in part.tags]
     if not left:
-        labels = ", ".join(f'{tag} "{label}"' if label else str(tag) for tag, label in source.volumes.items())
-        raise CaseError(f"{where}: no volume is like that; there are: {labels}")
-    if part.near is not None and boxes:
+        offered = {tag: volume.label for tag, volume in source.volumes.items()}
+        listed = ", ".join(f'{tag} "{label}"' if label else str(tag) for tag, label in offered.items())
+        raise CaseError(f"{where}: no volume is like that; there are: {listed}")
+    if part.near is not None:
         point = np.array(part.near)
-        left = [min(left, key=lambda tag: _apart(boxes[tag], point))]
+        left = [min(left, key=lambda tag: _apart(source.volumes[tag].box, point))]
     return left
 
 
@@ -165,9 +175,8 @@ def _exact(topology: Topology, part: PartTable, tags: Sequence[int], table: CadM
     own = merged(topology, {tag: topology.solids[tag] for tag in tags})
     for solid in own.solids.values():
         check_block(own, solid)
-    faces = convert_faces(own, table.accuracy)
-    if table.exact:
-        _check_exact(faces)
+    _check_apart(own)
+    faces = convert_faces(own, None if table.exact else table.accuracy)
     patches, ways = [], {}
     places: dict[Face, int] = {}
     for name, solid in zip(_names(part.name, len(tags)), own.solids.values(), strict=True):
@@ -189,17 +198,6 @@ def _exact(topology: Topology, part: PartTable, tags: Sequence[int], table: CadM
     return Built(part.name, Part(tuple(patches), _named(part.name, places)), _mesh(part, table), ways, places)
 
 
-def _check_exact(faces: Mapping[int, FaceSpline]) -> None:
-    """Raise GeometryError where a face was fitted."""
-    for face in faces.values():
-        if face.fitted:
-            own = f" (its edges by {face.edges_off:.2g} in the CAD model itself)" if face.edges_off > 0 else ""
-            raise GeometryError(
-                f"face {face.tag}, a trimmed {face.kind}, was fitted: off by {face.distance:.2g}{own}; accept that "
-                "with exact = false, or cut the volume along lines of constant parameter"
-            )
-
-
 def _from_mesh(source: CadSource, part: PartTable, tags: Sequence[int], table: CadModel) -> Built:
     """Take the volumes of one body from the mesh route."""
     patches, ways = [], {}
@@ -210,6 +208,15 @@ def _from_mesh(source: CadSource, part: PartTable, tags: Sequence[int], table: C
         places |= {Face(name, face.axis, face.side): number for number, face in fitted.faces.items()}
         ways[name] = ("fitted", fitted.boundary_error)
     return Built(part.name, Part(tuple(patches), _named(part.name, places)), _mesh(part, table), ways, places)
+
+
+def _check_apart(topology: Topology) -> None:
+    """Raise GeometryError where two volumes of a body have the same faces."""
+    holder: dict[frozenset[int], int] = {}
+    for tag, solid in topology.solids.items():
+        other = holder.setdefault(frozenset(solid.faces), tag)
+        if other != tag:
+            raise GeometryError(f"volumes {other} and {tag} are in the same place: delete one")
 
 
 def _names(body: str, count: int) -> list[str]:

@@ -62,7 +62,7 @@ class FaceSpline:
     kind: str
 
 
-def convert_faces(topology: Topology, accuracy: float) -> dict[int, FaceSpline]:
+def convert_faces(topology: Topology, accuracy: float | None = None) -> dict[int, FaceSpline]:
     """Turn all faces of a model into splines; neighbours agree on their edges in homogeneous coordinates.
 
     Each face takes the first of these ways that fits:
@@ -77,7 +77,12 @@ def convert_faces(topology: Topology, accuracy: float) -> dict[int, FaceSpline]:
     topology : Topology
         Faces with one loop of four edges.
     accuracy : float
-        What a fit should reach, in sizes of the model.
+        What a fit should reach, in sizes of the model; left out, no face may be fitted.
+
+    Raises
+    ------
+    GeometryError
+        A face that no exact way reaches, where none may be fitted.
     """
     quads = {tag: find_quad(face, topology.edges) for tag, face in topology.faces.items()}
     rectangles = {tag: _iso_rectangle(face, quads[tag], topology) for tag, face in topology.faces.items()}
@@ -94,8 +99,18 @@ def convert_faces(topology: Topology, accuracy: float) -> dict[int, FaceSpline]:
             spline = _sphere(arcs[tag], face, [turns[edge] for edge in _bottom_first(quad)], sides)
         elif (rectangle := rectangles[tag]) is not None:
             spline = _with_edges(rectangle, sides, topology.size)
-        result[tag] = _finished(face, quad, sides, spline, topology.size, accuracy)
+        result[tag] = _finished(face, quad, sides, spline, topology.size, np.inf if accuracy is None else accuracy)
+        if accuracy is None and result[tag].fitted:
+            raise _inexact(result[tag])
     return result
+
+
+def _inexact(face: FaceSpline) -> GeometryError:
+    own = f" (its edges by {face.edges_off:.2g} in the CAD model itself)" if face.edges_off > 0 else ""
+    return GeometryError(
+        f"face {face.tag}, a trimmed {face.kind}, was fitted: off by {face.distance:.2g}{own}; accept that "
+        "with exact = false, or cut the volume along lines of constant parameter"
+    )
 
 
 def _finished(face: CadFace, quad: Quad, sides: Any, spline: Spline | None, size: float, accuracy: float) -> FaceSpline:

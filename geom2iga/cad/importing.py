@@ -5,7 +5,7 @@ from pathlib import Path
 from geom2iga.cad import session as cad
 from geom2iga.cad.brep import read_brep
 from geom2iga.cad.case import Cad, CadModel
-from geom2iga.cad.conversion import CadSource
+from geom2iga.cad.conversion import CadSource, find_bodies
 from geom2iga.cad.isolated import isolated
 from geom2iga.cad.mesh_route import fit_volumes
 from geom2iga.errors import GeometryError
@@ -37,12 +37,14 @@ def read_cad(path: Path, table: Cad) -> CadSource:
 def read_gmsh(table: CadModel) -> CadSource:
     """Take the model that is open in gmsh; it stays as it is, but for its mesh on the mesh route."""
     volumes = cad.volumes()
-    fitted = {}
-    if table.route == "mesh" and volumes:
-        names = {tag: str(tag) for tag in volumes}
-        fitted = dict(zip(volumes, fit_volumes(names, table.fit_spans), strict=True))
-    xao = "" if fitted or not volumes else cad.boundary()
-    return CadSource(xao, volumes, cad.groups(3), cad.groups(2), fitted)
+    source = CadSource("", volumes, cad.groups(3), cad.groups(2))
+    if not volumes:
+        return source
+    if table.route == "exact":
+        return source._replace(xao=cad.boundary())
+    tags = [tag for _, members in find_bodies(source, table) for tag in members]
+    fitted = fit_volumes({tag: str(tag) for tag in tags}, table.fit_spans)
+    return source._replace(fitted=dict(zip(tags, fitted, strict=True)))
 
 
 def _load(path: Path, table: Cad) -> CadSource:

@@ -9,7 +9,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import gmsh
+import numpy as np
 
+from geom2iga.cad.conversion import Volume
 from geom2iga.cad.script import check_script
 from geom2iga.case import Block
 from geom2iga.errors import CaseError, GeometryError
@@ -69,8 +71,11 @@ def check_file(path: Path, trusted: bool = False) -> None:
         raise GeometryError(f'"{path}": only {", ".join(FORMATS)} files are read: save it as one of them')
     if not path.is_file():
         raise CaseError(f'"{path}": no such file; the path is relative to the case file')
-    if path.suffix.lower() == ".geo" and not trusted:
-        check_script(path)
+    if path.suffix.lower() == ".geo":
+        if not (path.read_bytes() or b"\n").endswith(b"\n"):
+            raise GeometryError(f'"{path}": its last line does not end, gmsh would leave it out: add a newline')
+        if not trusted:
+            check_script(path)
 
 
 def add_file(path: Path, unit: str = "MM") -> None:
@@ -131,11 +136,15 @@ def boundary() -> str:
             gmsh.model.setEntityName(*entity, name)
 
 
-def volumes() -> dict[int, str]:
-    """List the volumes of the open gmsh model with their labels, as STEP files give them."""
+def volumes() -> dict[int, Volume]:
+    """List the volumes of the open gmsh model."""
     if not gmsh.isInitialized():
         raise CaseError("no model is open in gmsh: call gmsh.initialize() and build one first")
-    return {tag: gmsh.model.getEntityName(3, tag) for _, tag in gmsh.model.getEntities(3)}
+    found = {}
+    for entity in gmsh.model.getEntities(3):
+        box = np.array(gmsh.model.getBoundingBox(*entity)).reshape(2, 3)
+        found[entity[1]] = Volume(gmsh.model.getEntityName(*entity), box)
+    return found
 
 
 def groups(dimension: int) -> dict[str, tuple[int, ...]]:

@@ -1,6 +1,7 @@
 """What bounds what in a CAD model: solids, faces, edges and vertices by their gmsh tags."""
 
 import re
+from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
@@ -8,7 +9,7 @@ import numpy as np
 
 from geom2iga.bspline import Array
 from geom2iga.cad.brep import Brep, Location, Trace, Use, combined, read_brep
-from geom2iga.cad.exact import Record, curve_spline, plane_curve, straight
+from geom2iga.cad.exact import Record, curve_spline, plane_curve, straight, surface_spline
 from geom2iga.errors import GeometryError
 from geom2iga.glue import MEETS, clusters
 from geom2iga.spline import Spline, points_of
@@ -239,12 +240,45 @@ def merged(topology: Topology, solids: Mapping[int, Solid]) -> Topology:
         )
         for tag, face in faces.items()
     }
-    one_face = _first_of({tag: (frozenset(face.edges), face.surface.kind) for tag, face in faces.items()})
+    one_face = _same_faces(faces, reach)
     shared = {
         tag: Solid(tag, tuple(tuple(one_face[face] for face in shell) for shell in solid.shells))
         for tag, solid in solids.items()
     }
     return Topology(vertices, edges, faces, shared)
+
+
+def _same_faces(faces: Mapping[int, CadFace], reach: float) -> dict[int, int]:
+    """Choose one tag for all faces with the same edges and the same middle: two surfaces may share all their edges."""
+    chosen: dict[int, int] = {}
+    alike: dict[object, list[int]] = defaultdict(list)
+    for tag, face in faces.items():
+        known = alike[frozenset(face.edges), face.surface.kind]
+        middle = _middle(face) if known else None
+        same = (other for other in known if middle is not None and _is_near(middle, _middle(faces[other]), reach))
+        chosen[tag] = next(same, tag)
+        if chosen[tag] == tag:
+            known.append(tag)
+    return chosen
+
+
+def _is_near(point: Array, other: Array | None, reach: float) -> bool:
+    return other is not None and float(np.linalg.norm(point - other)) <= reach
+
+
+def _middle(face: CadFace) -> Array | None:
+    """Point (3,) in the middle of the parameters of a face; None where no spline can represent its surface.
+
+    Of a plane, which its edges determine, the origin.
+    """
+    if face.surface.kind == "plane":
+        return np.zeros(3)
+    places = np.concatenate([_plane_ends(trace) for trace in face.traces.values()] or [np.array([[0.0, 0], [1, 1]])])
+    try:
+        surface = surface_spline(face.surface, np.array([places.min(axis=0), places.max(axis=0)]).T)
+    except GeometryError:
+        return None
+    return points_of(surface.moved(face.matrix).at(np.array([0.5]), np.array([0.5])))[0, 0]
 
 
 def _representatives(points: Mapping[int, Array], reach: float) -> dict[int, int]:

@@ -1,5 +1,6 @@
 """Which faces bear which names, and where the names go beside a picture."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -13,6 +14,8 @@ from geom2iga.model import Model
 from geom2iga.patch import Face
 from geom2iga.picture.scene import Camera
 
+NUMBERED = re.compile(r"/face\d+$")
+MOST_REGIONS = 24  # that still have room for mere numbers of faces
 VISIBLE = 3.0  # how far from its border a visible piece of a region must reach to be pointed at [pixels]
 
 NEARLY = 0.9  # of the largest distance from the border; among such points, the middle one is pointed at
@@ -60,6 +63,8 @@ class Anchor:
 def regions(model: Model) -> tuple[Region, ...]:
     """Split the named faces of a model into regions that bear the same names, in the sequence of the groups.
 
+    Mere numbers of faces, such as "body/face7", give way to other names; where there are too many, they are left out.
+
     >>> from geom2iga import build
     >>> model = build({"geometry": {"block": [{"name": "cube", "size": [1, 1, 1]}]}})
     >>> [region.text for region in regions(model)][:2]
@@ -69,6 +74,9 @@ def regions(model: Model) -> tuple[Region, ...]:
     for group, faces in model.groups.items():
         for face in dict.fromkeys(faces):
             names[face] = (*names.get(face, ()), group)
+    chosen = {face: tuple(name for name in each if not NUMBERED.search(name)) for face, each in names.items()}
+    crowded = any(chosen.values()) and len({chosen[face] or names[face] for face in names}) > MOST_REGIONS
+    names = {face: each for face in names if (each := chosen[face] or (() if crowded else names[face]))}
     return tuple(Region(key, tuple(f for f in names if names[f] == key)) for key in dict.fromkeys(names.values()))
 
 

@@ -211,3 +211,42 @@ def test_crossing_cylinders_are_converted_by_the_mesh_route_with_the_distance_st
     assert certificate.way == "fitted"
     assert 0 < certificate.distance < 1e-5 * size_of(model)
     assert certificate.volume == pytest.approx(known.volume, rel=1e-5)
+
+
+def bulged(occ, height):
+    """A square whose middle is bulged."""
+    places = [(i / 2, j / 2, height if i == j == 1 else 0) for j in range(3) for i in range(3)]
+    return occ.addBezierSurface([occ.addPoint(*place) for place in places], 3)
+
+
+def test_two_surfaces_with_the_same_edges_are_not_taken_for_one(gmsh_session):
+    """A gap between them, or an overlap, must not be closed in silence."""
+
+    def make(occ):
+        occ.extrude([(2, bulged(occ, 0.4))], 0, 0, 1)
+        occ.extrude([(2, bulged(occ, -0.4))], 0, 0, -1)
+
+    with opened(make), pytest.raises(GeometryError, match="falls apart into 2 pieces"):
+        build_from_gmsh(name="both")
+    with opened(make):
+        model = build_from_gmsh(bodies=[{"name": "upper", "tags": [1]}, {"name": "lower", "tags": [2]}])
+    for certificate in model.certificates.values():
+        assert certificate.volume == pytest.approx(1, rel=1e-12)
+
+
+def test_two_volumes_in_the_same_place_are_refused(gmsh_session):
+    with (
+        opened(lambda occ: [occ.addBox(0, 0, 0, 1, 1, 1) for _ in range(2)]),
+        pytest.raises(GeometryError, match="volumes 1 and 2 are in the same place"),
+    ):
+        build_from_gmsh(name="both")
+
+
+def test_the_mesh_route_leaves_volumes_in_no_body_alone(gmsh_session):
+    def make(occ):
+        occ.addBox(0, 0, 0, 1, 1, 1)
+        occ.addCone(5, 0, 0, 0, 0, 1, 1, 0.5)
+
+    with opened(make):
+        model = build_from_gmsh(route="mesh", bodies=[{"name": "block", "near": [0.0, 0.0, 0.0]}])
+    assert list(model.patches) == ["block"]

@@ -283,3 +283,10 @@ def test_names_of_physical_groups_that_are_no_xml_do_no_harm():
     finally:
         gmsh.finalize()
     assert len(model.groups['<"walls" & more']) == 2
+
+
+def test_a_script_whose_last_line_does_not_end_is_refused(tmp_path):
+    """gmsh leaves that line out without a word."""
+    (tmp_path / "box.geo").write_text('SetFactory("OpenCASCADE");\nBox(1) = {0, 0, 0, 1, 1, 1};')
+    with pytest.raises(GeometryError, match="add a newline"):
+        build(cad_case(tmp_path / "box.geo", name="box"))

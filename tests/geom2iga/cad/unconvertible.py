@@ -32,7 +32,7 @@ POLE = r"face \d+ .*pole.*(rotate|turn|split)"
 HOLE = r"face \d+ has 2 loops \(a hole\)"
 FOLDED = r"(?i:folded|Jacobian|positiv)"
 NO_SOLID = r"(?i:no|0) (?:solid|volume)s?"
-UNREADABLE = r"(?i:cannot (?:be )?read|holds no|is empty|is no|is not a|broken|incomplete)"
+UNREADABLE = r"(?i:cannot (?:be )?read|holds no|is empty|is no|is not a|broken|incomplete|does not end)"
 
 
 def either(*patterns: str) -> str:
