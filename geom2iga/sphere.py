@@ -135,7 +135,7 @@ def _spinor(point: Array) -> Spinors:
     """Find a unit spinor (2,) of a point (3,) of the unit sphere: the larger column of its projector."""
     projector = (np.eye(2) + np.tensordot(point, PAULI, 1)) / 2
     column = projector[:, np.argmax(np.diagonal(projector).real)]
-    return column / np.linalg.norm(column)
+    return np.asarray(column / np.linalg.norm(column), dtype=np.complex128)
 
 
 def _phase(ends: Spinors, middle: Array) -> float:
