@@ -193,7 +193,11 @@ def _numbers(element: Element) -> Array:
         return np.array(text.split(), dtype=float)
     if form not in ("b64float64", "b64float32"):
         raise ValueError(f'numbers in the format "{form}" cannot be read: save them as text')
-    return np.frombuffer(base64.b64decode(text), dtype=np.dtype(form[3:]).newbyteorder("<")).astype(float)
+    try:
+        content = base64.b64decode("".join(text.split()), validate=True)
+        return np.frombuffer(content, dtype=np.dtype(form[3:]).newbyteorder("<")).astype(float)
+    except ValueError:
+        raise ValueError(f"the numbers of its <{element.tag}> are no {form}") from None
 
 
 def _arranged(values: Array, shape: tuple[int, ...], size: int, by_coordinate: bool = False) -> Array:

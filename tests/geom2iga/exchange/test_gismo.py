@@ -243,7 +243,10 @@ WRONG = {
     "weights": (nurbs("1 1 1 1 1 1 1 0"), "weights must be positive, found 0"),
     "fewer weights": (nurbs("1 1"), "control points take 8 numbers, found 2"),
     "short": (CUBE_FILE.replace("<coefs", '<coefs format="B64Int16"'), 'the format "b64int16" cannot be read'),
-    "binary": (CUBE_FILE.replace("<coefs", '<coefs format="B64Float64"').replace("0 0 0  1", BINARY), "control points"),
+    "binary": (
+        CUBE_FILE.replace("<coefs", '<coefs format="B64Float64"').replace("0 0 0  1", BINARY),
+        "the numbers of its <coefs> are no b64float64",
+    ),
     "another id": (boundary("8 1"), "boundary: there is no volume with the id 8"),
     "side 9": (boundary("7 9"), 'boundary: patch "cube" has no face'),
     "half a side": (boundary("7 1 7"), "boundary: 3 numbers are no pairs"),
