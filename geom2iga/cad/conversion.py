@@ -176,7 +176,7 @@ def _exact(topology: Topology, part: PartTable, tags: Sequence[int], table: CadM
     for solid in own.solids.values():
         check_block(own, solid)
     _check_apart(own)
-    faces = convert_faces(own, None if table.exact else table.accuracy)
+    faces = convert_faces(own, table.accuracy, table.exact)
     patches, ways = [], {}
     places: dict[Face, int] = {}
     for name, solid in zip(_names(part.name, len(tags)), own.solids.values(), strict=True):

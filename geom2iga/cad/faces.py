@@ -62,7 +62,7 @@ class FaceSpline:
     kind: str
 
 
-def convert_faces(topology: Topology, accuracy: float | None = None) -> dict[int, FaceSpline]:
+def convert_faces(topology: Topology, accuracy: float, exact: bool = True) -> dict[int, FaceSpline]:
     """Turn all faces of a model into splines; neighbours agree on their edges in homogeneous coordinates.
 
     Each face takes the first of these ways that fits:
@@ -77,7 +77,9 @@ def convert_faces(topology: Topology, accuracy: float | None = None) -> dict[int
     topology : Topology
         Faces with one loop of four edges.
     accuracy : float
-        What a fit should reach, in sizes of the model; left out, no face may be fitted.
+        What a fit should reach, in sizes of the model.
+    exact : bool
+        Whether no face may be fitted.
 
     Raises
     ------
@@ -99,8 +101,8 @@ def convert_faces(topology: Topology, accuracy: float | None = None) -> dict[int
             spline = _sphere(arcs[tag], face, [turns[edge] for edge in _bottom_first(quad)], sides)
         elif (rectangle := rectangles[tag]) is not None:
             spline = _with_edges(rectangle, sides, topology.size)
-        result[tag] = _finished(face, quad, sides, spline, topology.size, np.inf if accuracy is None else accuracy)
-        if accuracy is None and result[tag].fitted:
+        result[tag] = _finished(face, quad, sides, spline, topology.size, accuracy)
+        if exact and result[tag].fitted:
             raise _inexact(result[tag])
     return result
 
