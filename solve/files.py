@@ -13,7 +13,7 @@ from solve.material import Material
 from solve.newton import Status, Step
 from solve.result import ContactResult, Result, State
 
-FORMAT, VERSION = "geom2iga solution", 1
+FORMAT, VERSION = "geom2iga solution", 2
 
 
 def write_result(path: str | Path, result: Result, stamp: str = "") -> None:
