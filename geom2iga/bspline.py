@@ -153,6 +153,13 @@ def elevation(knots: Array, degree: int, times: int = 1) -> tuple[Array, csr_arr
     return knots, matrix
 
 
+def applied(matrix: csr_array | Array, values: Array, axis: int) -> Array:
+    """Multiply a matrix (m, n) into one axis of an array."""
+    front = np.moveaxis(values, axis, 0)
+    product = (matrix @ front.reshape(front.shape[0], -1)).reshape(-1, *front.shape[1:])
+    return np.moveaxis(product, 0, axis)
+
+
 def greville(knots: Array, degree: int) -> Array:
     """Average `degree` consecutive knots: the coefficients (n,) of the identity map."""
     return np.lib.stride_tricks.sliding_window_view(knots[1:-1], degree).mean(axis=1)

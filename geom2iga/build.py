@@ -20,7 +20,7 @@ from geom2iga.cad.importing import read_cad, read_gmsh
 from geom2iga.case import Block, GeometryCase
 from geom2iga.errors import CaseError, UserError
 from geom2iga.exchange.gismo import read_gismo
-from geom2iga.model import Face, Model, Part, block_groups
+from geom2iga.model import Face, Model, Part, side_faces
 from geom2iga.patch import Patch
 from geom2iga.shapes.case import Primitive
 from geom2iga.tables import Case, Source, Table, as_case, checked
@@ -120,7 +120,7 @@ def _built(table: Body, folder: Path, degrees: tuple[int, int, int]) -> tuple[li
     name = table.name
     part = table.part() if isinstance(table, Primitive) else _chosen(read_gismo(folder / table.file, name), table)
     if not part.faces and len(part.patches) == 1:
-        part = Part(part.patches, _sides(name))
+        part = Part(part.patches, side_faces(name))
     way = "exact" if isinstance(table, Primitive) else "given"
     return [Built(name, part, table, {patch.name: (way, None) for patch in part.patches}, {})], {}
 
@@ -157,8 +157,3 @@ def _axes(block: Block) -> Array:
         return np.eye(3)
     axis = np.array(block.rotate.axis) / np.linalg.norm(block.rotate.axis)
     return Rotation.from_rotvec(axis * radians(block.rotate.angle)).as_matrix().T
-
-
-def _sides(name: str) -> dict[str, tuple[Face, ...]]:
-    """Names of the six sides of a single patch, within its body."""
-    return {group.partition("/")[2]: faces for group, faces in block_groups(name).items()}

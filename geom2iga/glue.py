@@ -1,7 +1,7 @@
 """Patches of one body that meet: which faces coincide, and degrees and knots that make them conform."""
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -120,6 +120,25 @@ def parallel_edges(patches: Sequence[Patch], glued: Sequence[Glued]) -> list[lis
     return classes
 
 
+def respaced(
+    patches: Sequence[Patch], glued: Sequence[Glued], choose: Callable[[list[Edge], int, Array], tuple[int, Array]]
+) -> list[list[tuple[int, Array]]]:
+    """Choose degree and knots once per class of parallel directions; return them per patch and direction.
+
+    Parameters
+    ----------
+    patches : volumes whose knots run from 0 to 1
+    choose : function of (edges, degree, knots)
+        Of a class and of the smallest space that holds what its patches have: the degree and knots to take.
+    """
+    spaces: list[list[tuple[int, Array]]] = [[(0, np.empty(0))] * 3 for _ in patches]
+    for edges in parallel_edges(patches, glued):
+        degree, knots = choose(edges, *united([_space_along(patches[edge.patch], edge) for edge in edges]))
+        for edge in edges:
+            spaces[edge.patch][edge.axis] = degree, 1 - knots[::-1] if edge.reversed else knots
+    return spaces
+
+
 def conformed(patches: Sequence[Patch], glued: Sequence[Glued]) -> tuple[Patch, ...]:
     """Raise degrees and insert knots so that glued faces have the same ones; the maps stay the same.
 
@@ -127,15 +146,11 @@ def conformed(patches: Sequence[Patch], glued: Sequence[Glued]) -> tuple[Patch, 
     ----------
     patches : volumes whose knots run from 0 to 1
     """
-    spaces: list[list[tuple[int, Array]]] = [[(0, np.empty(0))] * 3 for _ in patches]
-    for edges in parallel_edges(patches, glued):
-        degree, knots = united([space_along(patches[edge.patch], edge) for edge in edges])
-        for edge in edges:
-            spaces[edge.patch][edge.axis] = degree, 1 - knots[::-1] if edge.reversed else knots
+    spaces = respaced(patches, glued, lambda edges, degree, knots: (degree, knots))
     return tuple(in_space(patch, wanted) for patch, wanted in zip(patches, spaces, strict=True))
 
 
-def space_along(patch: Patch, edge: Edge) -> tuple[int, Array]:
+def _space_along(patch: Patch, edge: Edge) -> tuple[int, Array]:
     """Degree and knots of a direction in the sense of its class."""
     knots = patch.knots[edge.axis]
     return patch.degrees[edge.axis], 1 - knots[::-1] if edge.reversed else knots

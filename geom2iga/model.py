@@ -180,10 +180,10 @@ class Part:
     faces: Mapping[str, tuple[Face, ...]]
 
 
-def block_groups(name: str) -> dict[str, tuple[Face, ...]]:
+def side_faces(patch: str) -> dict[str, tuple[Face, ...]]:
     """Name the six faces of a patch by their side.
 
-    >>> block_groups("upper")["upper/bottom"]
+    >>> side_faces("upper")["bottom"]
     (Face(patch='upper', axis=2, side=0),)
     """
-    return {f"{name}/{side}": (Face(name, k // 2, k % 2),) for k, side in enumerate(SIDES)}
+    return {side: (Face(patch, k // 2, k % 2),) for k, side in enumerate(SIDES)}

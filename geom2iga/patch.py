@@ -297,9 +297,7 @@ def _mapped(patch: Patch, degrees: Sequence[int], steps: Sequence[tuple[Array, c
     """Apply one matrix per direction to the homogeneous control points."""
     points = patch.homogeneous
     for axis, (_, matrix) in enumerate(steps):
-        front = np.moveaxis(points, axis, 0)
-        moved = (matrix @ front.reshape(front.shape[0], -1)).reshape(-1, *front.shape[1:])
-        points = np.moveaxis(moved, 0, axis)
+        points = bspline.applied(matrix, points, axis)
     return Patch(
         patch.name,
         tuple(degrees),

@@ -10,7 +10,7 @@ import numpy as np
 from geom2iga.body_case import Grading, Mesh
 from geom2iga.bspline import Array, breaks, open_knots
 from geom2iga.errors import CaseError
-from geom2iga.glue import Edge, in_space, parallel_edges, space_along
+from geom2iga.glue import Edge, in_space, respaced
 from geom2iga.model import Face, Glued
 from geom2iga.patch import Patch, elevated, evaluate, refined
 from geom2iga.spline import united
@@ -47,15 +47,14 @@ def meshed(
         A grading toward faces that do not exist, or toward both ends of one direction.
     """
     toward = _graded_ends(mesh.grading, faces)
-    spaces: list[list[tuple[int, Array]]] = [[(0, np.empty(0))] * 3 for _ in patches]
-    for edges in parallel_edges(patches, glued):
-        degree, knots = united([space_along(patches[edge.patch], edge) for edge in edges])
+
+    def choose(edges: list[Edge], degree: int, knots: Array) -> tuple[int, Array]:
         wanted = max(degree, *(degrees[edge.axis] for edge in edges))
         ratio = _ratio(edges, patches, toward)
         inner = _break_points(breaks(knots), edges, patches, mesh, ratio)
-        degree, knots = united([(degree, knots), (wanted, open_knots(inner, wanted))])
-        for edge in edges:
-            spaces[edge.patch][edge.axis] = degree, 1 - knots[::-1] if edge.reversed else knots
+        return united([(degree, knots), (wanted, open_knots(inner, wanted))])
+
+    spaces = respaced(patches, glued, choose)
     _check_size(spaces)
     return tuple(in_space(patch, wanted) for patch, wanted in zip(patches, spaces, strict=True))
 

@@ -128,7 +128,7 @@ def _is_round(face: OuterFace, shape: Round, project: Callable[[OuterFace], Arra
     return bool(np.abs(np.linalg.norm(flat - centre, axis=1) - shape.radius).max() <= reach)
 
 
-def _onto_sphere(face: OuterFace) -> Array | None:
+def _onto_sphere(_: OuterFace) -> Array | None:
     """All of space."""
     return np.eye(3)
 

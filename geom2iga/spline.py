@@ -12,7 +12,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from geom2iga import bspline
-from geom2iga.bspline import Array, Indices
+from geom2iga.bspline import Array, Indices, applied
 from geom2iga.patch import Patch
 
 KNOTS_AGREE = 1e-10  # knots of [0, 1] nearer than this are one
@@ -86,13 +86,6 @@ class Spline:
 def points_of(homogeneous: Array) -> Array:
     """Positions (..., 3) of homogeneous coordinates (..., 4)."""
     return homogeneous[..., :3] / homogeneous[..., 3:]
-
-
-def applied(matrix: csr_array | Array, values: Array, axis: int) -> Array:
-    """Multiply a matrix (m, n) into one axis of an array."""
-    front = np.moveaxis(values, axis, 0)
-    product = (matrix @ front.reshape(front.shape[0], -1)).reshape(-1, *front.shape[1:])
-    return np.moveaxis(product, 0, axis)
 
 
 def collocation(knots: Array, degree: int, xi: Array) -> csr_array:

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 import solve
 from geom2iga.bspline import Array, open_knots
-from geom2iga.model import Model, block_groups
+from geom2iga.model import Face, Model, side_faces
 from geom2iga.patch import Patch, elevated, evaluate, refined
 from solve import Result
 from solve.contact.laws import Penalty
@@ -73,6 +73,11 @@ def hollow_cylinder(inner: float = 1.0, outer: float = 2.0, height: float = 1.0,
     return Patch(
         name, (1, 2, 1), (open_knots([0, 1], 1), open_knots([0, 1], 2), open_knots([0, 1], 1)), points, weights
     )
+
+
+def block_groups(patch: str) -> dict[str, tuple[Face, ...]]:
+    """Groups of the six faces of a body of one patch, named as those of blocks."""
+    return {f"{patch}/{side}": faces for side, faces in side_faces(patch).items()}
 
 
 def model_of(*patches: Patch) -> Model:

@@ -17,7 +17,7 @@ from geom2iga.cad.faces import convert_faces, distance_from
 from geom2iga.cad.mesh_route import Fitted
 from geom2iga.cad.topology import Topology, merged, read_topology
 from geom2iga.errors import CaseError, GeometryError, suggestion
-from geom2iga.model import Face, Part, block_groups
+from geom2iga.model import Face, Part, side_faces
 
 log = logging.getLogger("geom2iga")
 
@@ -227,7 +227,7 @@ def _names(body: str, count: int) -> list[str]:
 def _named(body: str, places: Mapping[Face, int]) -> dict[str, tuple[Face, ...]]:
     """Name the faces of a single patch by their sides, those of several by their numbers in gmsh."""
     if len(places) == 6:
-        return {name.partition("/")[2]: faces for name, faces in block_groups(body).items()}
+        return side_faces(body)
     tags = list(places.values())
     return {f"face{tag}": (face,) for face, tag in places.items() if tags.count(tag) == 1}
 

@@ -4,8 +4,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from geom2iga.bspline import Array, breaks, open_knots
-from geom2iga.spline import Spline, adapted, applied, collocation, points_of, united
+from geom2iga.bspline import Array, applied, breaks, open_knots
+from geom2iga.spline import Spline, adapted, collocation, points_of, united
 
 DEGREE = 3
 PULLS = 2  # the closest points move along the surface as it does

@@ -8,6 +8,7 @@ from geom2iga.cad.case import Cad, CadModel
 from geom2iga.cad.conversion import CadSource, find_bodies
 from geom2iga.cad.isolated import isolated
 from geom2iga.cad.mesh_route import fit_volumes
+from geom2iga.cad.topology import split_xao
 from geom2iga.errors import GeometryError
 
 PATIENCE = 300.0  # seconds that gmsh may take for a file
@@ -60,6 +61,6 @@ def _check_text(path: Path) -> None:
         return
     try:
         text = path.read_text(encoding="utf-8", errors="replace")
-        read_brep(text.partition("<![CDATA[")[2].partition("]]>")[0] if path.suffix.lower() == ".xao" else text)
+        read_brep(split_xao(text)[0] if path.suffix.lower() == ".xao" else text)
     except GeometryError as error:
         raise GeometryError(f'"{path}": {error}; save it anew from the CAD program') from None

@@ -13,6 +13,7 @@ from geom2iga.bspline import Array, Indices
 from geom2iga.cad.hexahedra import HexahedralMesh, distances, mesh_volumes
 from geom2iga.errors import CaseError, GeometryError
 from geom2iga.patch import Face, Patch, evaluate, surface
+from geom2iga.spline import collocation
 
 CELLS_PER_SPAN = 2  # more equations than unknowns: a fit, smooth where the mesh is not
 EDGES = ((0, 1), (3, 2), (4, 5), (7, 6), (0, 3), (1, 2), (4, 7), (5, 6), (0, 4), (1, 5), (2, 6), (3, 7))  # of a cell
@@ -209,18 +210,10 @@ def fitted(points: Array, name: str, degree: int = 3, spans: Sequence[int] | Non
     cells = [n - 1 for n in points.shape[:3]]
     spans = [max(1, n // CELLS_PER_SPAN) for n in cells] if spans is None else spans
     knots = tuple(bspline.open_knots(np.linspace(0, 1, count + 1), degree) for count in spans)
-    bases = [_collocation(k, degree, n) for k, n in zip(knots, cells, strict=True)]
+    bases = [collocation(k, degree, np.linspace(0, 1, n + 1)).toarray() for k, n in zip(knots, cells, strict=True)]
     control_points = _tensor([_least_squares(basis) for basis in bases], points)
     error = np.linalg.norm(_tensor(bases, control_points) - points, axis=-1).max()
     return Patch(name, (degree,) * 3, knots, control_points), float(error)
-
-
-def _collocation(knots: Array, degree: int, cells: int) -> Array:
-    """Values (cells + 1, n) of all basis functions at equal steps from 0 to 1."""
-    first, values = bspline.basis(knots, degree, np.linspace(0, 1, cells + 1))
-    matrix = np.zeros((cells + 1, len(knots) - degree - 1))
-    np.put_along_axis(matrix, first[:, None] + np.arange(degree + 1), values[0], axis=1)
-    return matrix
 
 
 def _least_squares(basis: Array) -> Array:
@@ -238,5 +231,5 @@ def _least_squares(basis: Array) -> Array:
 def _tensor(matrices: Sequence[Array], points: Array) -> Array:
     """Apply one matrix to each direction of a grid (n_1, n_2, n_3, 3)."""
     for axis, matrix in enumerate(matrices):
-        points = np.moveaxis(np.tensordot(matrix, points, axes=(1, axis)), 0, axis)
+        points = bspline.applied(matrix, points, axis)
     return points

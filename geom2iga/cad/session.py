@@ -1,4 +1,4 @@
-"""The gmsh session: build blocks, open CAD files, read volumes back. The only file that imports gmsh."""
+"""The gmsh session: build blocks, open CAD files, read models back."""
 
 import os
 import sys

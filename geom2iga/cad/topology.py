@@ -103,10 +103,16 @@ def read_topology(xao: str) -> Topology:
     GeometryError
         The boundary representation in it cannot be read, or holds an offset curve.
     """
-    text, _, rest = xao.partition("<![CDATA[")[2].partition("]]>")
+    text, rest = split_xao(xao)
     entities = rest.partition("<groups")[0]  # users' names follow there, and gmsh does not escape them: no XML parser
     names = {int(number): name for name, number in ENTITY.findall(entities)}
     return _Reader(read_brep(text), names).topology()
+
+
+def split_xao(xao: str) -> tuple[str, str]:
+    """Take the boundary representation out of the text of an XAO file; return it, and what follows it."""
+    text, _, rest = xao.partition("<![CDATA[")[2].partition("]]>")
+    return text, rest
 
 
 Key = tuple[int, Location]  # a shape in its place, however it is turned

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from geom2iga.errors import CaseError
-from geom2iga.model import SIDES, Glued, Model, block_groups, oriented
+from geom2iga.model import SIDES, Glued, Model, oriented
 from geom2iga.patch import Face, Patch, evaluate, refined, surface
-from tests.cases import block_patch, model_of
+from tests.cases import block_groups, block_patch, model_of
 from tests.oracles import assert_same_patch
 
 

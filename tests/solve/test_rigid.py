@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from geom2iga.errors import CaseError
-from geom2iga.model import Model, block_groups
+from geom2iga.model import Model
 from solve.case import Contact, Load, Support
 from solve.constraints import constrain, find_conditions
 from solve.contact.cells import find_cells
@@ -15,7 +15,7 @@ from solve.loads import face_load
 from solve.material import Material
 from solve.rigid import check_held, check_pressed, kernel, rigid_modes, unsupported
 from solve.space import number_control_points
-from tests.cases import bent_patch, block_patch, model_of, turned
+from tests.cases import bent_patch, block_groups, block_patch, model_of, turned
 from tests.strategies import SEEDS, bent_patches, rotations
 from tests.verification.glued_bodies import glued_model, star, wall
 
