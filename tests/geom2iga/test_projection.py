@@ -1,10 +1,22 @@
+from dataclasses import replace
+
 import numpy as np
+import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
 from geom2iga.bspline import greville, open_knots
 from geom2iga.patch import Face, Patch, evaluate, surface
-from geom2iga.projection import closest_points
+from geom2iga.projection import closest_on, closest_points
+from tests.benchmarks.closest_points import (
+    SURFACES,
+    brute_force,
+    cylinder,
+    graph,
+    points_around,
+    single_start,
+    sphere_cap,
+)
 from tests.cases import bent_patch, block_patch, hollow_cylinder
 from tests.strategies import SEEDS, rotations
 
@@ -145,3 +157,124 @@ def test_a_start_on_the_right_span_gives_the_same_foot():
 
 def test_no_points_have_no_feet():
     assert closest_points(wavy_surface(0), np.empty((0, 3))).xi.shape == (0, 2)
+    assert closest_on([wavy_surface(0), sphere_cap()], np.empty((0, 3)))[0].shape == (0,)
+
+
+def distances(patch, points):
+    return np.linalg.norm(closest_points(patch, points).points - points, axis=1)
+
+
+@pytest.mark.parametrize("make", SURFACES)
+def test_no_point_of_a_curved_face_is_closer_than_the_foot(make):
+    patch = make()
+    points = points_around(patch, 1500)
+    assert np.all(distances(patch, points) <= brute_force(patch, points, samples=150, zooms=12) + 1e-10)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("make", SURFACES)
+def test_no_point_of_a_curved_face_is_closer_than_any_of_very_many_feet(make):
+    patch = make()
+    points = points_around(patch, 100_000)
+    assert np.all(distances(patch, points) <= brute_force(patch, points) + 1e-10)
+
+
+def test_the_closest_of_several_minima_is_found_where_the_nearest_sample_leads_to_another():
+    patch = cylinder(3)
+    points = points_around(patch, 3000)
+    found = distances(patch, points)
+    assert np.any(single_start(patch, points) > found + 1e-3)
+    assert np.all(found <= brute_force(patch, points, samples=150, zooms=12) + 1e-10)
+
+
+def test_a_closed_cylinder_has_its_feet_on_rays_from_the_axis_on_both_sides_of_the_seam():
+    patch = cylinder()
+    angle = np.concatenate([np.linspace(-1e-3, 1e-3, 21), np.linspace(0, 2 * np.pi, 50)])
+    ray = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(len(angle))])
+    height = np.array([0, 0, 0.3])
+    for radius in (0.01, 0.9, 1.0, 7.0):
+        foot = closest_points(patch, radius * ray + height)
+        np.testing.assert_allclose(foot.points, ray + height, rtol=0, atol=1e-12)
+        assert foot.inside.all()
+
+
+def full_sphere():
+    """The unit sphere, of a half circle turned about z; both its poles are edges shrunk to a point."""
+    half = 0.5**0.5
+    meridian = [(0.0, -1.0), (1, -1), (1, 0), (1, 1), (0, 1)]
+    around = cylinder()
+    points = [[[r * x, r * y, z] for x, y, _ in around.control_points[:, 0]] for r, z in meridian]
+    knots = np.array([0.0, 0, 0, 1, 1, 2, 2, 2])
+    weights = np.outer([1, half, 1, half, 1], around.weights[:, 0])
+    return Patch("sphere", (2, 2), (knots, around.knots[0]), points, weights)
+
+
+def test_points_around_a_sphere_are_as_far_from_it_as_their_radius_tells_poles_included():
+    random = np.random.default_rng(0)
+    radius = random.uniform(0.05, 3, 300)
+    points = random.normal(size=(300, 3))
+    points *= (radius / np.linalg.norm(points, axis=1))[:, None]
+    points[:4] = [[0, 0, 2], [0, 0, -2], [0, 0, 0.5], [1e-9, 0, -0.5]]
+    foot = closest_points(full_sphere(), points)
+    expected = np.abs(np.linalg.norm(points, axis=1) - 1)
+    np.testing.assert_allclose(np.linalg.norm(foot.points - points, axis=1), expected, rtol=0, atol=1e-14)
+    assert foot.inside.all()
+
+
+def test_all_points_of_a_sphere_cap_are_equally_near_its_centre():
+    foot = closest_points(sphere_cap(), np.zeros((1, 3)))
+    np.testing.assert_allclose(np.linalg.norm(foot.points, axis=1), 1, rtol=0, atol=1e-15)
+    assert foot.inside.all()
+
+
+@pytest.mark.parametrize(("degree", "spans"), [(1, 5), (2, 3), (3, 2)])
+def test_no_point_of_a_kinked_face_is_closer_than_the_foot(degree, spans):
+    """Every knot stands as often as the degree, so that the surface has an edge there."""
+    random = np.random.default_rng(degree)
+    knots = np.concatenate([[0], np.repeat(np.linspace(0, 1, spans + 1), degree), [1]])
+    at = greville(knots, degree)
+    x, y = np.meshgrid(at, at, indexing="ij")
+    points = np.stack([x, y, random.uniform(-0.3, 0.3, x.shape)], axis=-1)
+    patch = Patch("kinked", (degree, degree), (knots, knots), points, random.uniform(0.5, 2, x.shape))
+    around = random.uniform([-0.5, -0.5, -0.8], [1.5, 1.5, 0.8], (300, 3))
+    assert np.all(distances(patch, around) <= brute_force(patch, around, samples=150, zooms=13) + 1e-10)
+
+
+@pytest.mark.parametrize("make", SURFACES)
+def test_far_points_points_of_the_surface_and_points_at_any_scale_are_projected_as_exactly(make):
+    patch = make()
+    random = np.random.default_rng(0)
+    far = random.normal(size=(50, 3))
+    far *= 2e3 / np.linalg.norm(far, axis=1)[:, None]
+    assert np.all(distances(patch, far) <= brute_force(patch, far, samples=150, zooms=14) + 1e-10)
+    xi = np.stack([random.uniform(at[0], at[-1], 100) for at in patch.breaks], axis=1)
+    assert distances(patch, evaluate(patch, xi)[0]).max() < 1e-14
+    points = points_around(patch, 100)
+    for scale in (1e-3, 1e4):
+        scaled = replace(patch, control_points=scale * patch.control_points)
+        np.testing.assert_allclose(distances(scaled, scale * points), scale * distances(patch, points), rtol=1e-12)
+
+
+def test_degrees_may_differ_between_the_directions_of_a_rational_face():
+    patch = surface(bent_patch(3, degrees=(4, 1, 3), spans=(2, 2, 2)), Face("bent", 2, 1))
+    points = points_around(patch, 500)
+    assert np.all(distances(patch, points) <= brute_force(patch, points, samples=150, zooms=13) + 1e-10)
+
+
+def test_the_closest_of_several_faces_is_the_closest_of_the_feet_on_each():
+    patches = [make() for make in SURFACES]
+    patches = [replace(p, control_points=p.control_points + np.array([2.0 * k, 0, 0])) for k, p in enumerate(patches)]
+    points = np.random.default_rng(0).uniform([-2, -2, -2], [8, 2, 2], (500, 3))
+    which, foot = closest_on(patches, points)
+    each = np.array([distances(patch, points) for patch in patches])
+    found = np.linalg.norm(foot.points - points, axis=1)
+    np.testing.assert_allclose(found, each.min(axis=0), rtol=0, atol=1e-14)
+    np.testing.assert_allclose(found, each[which, np.arange(len(points))], rtol=0, atol=1e-14)
+
+
+def test_points_over_the_middle_of_a_valley_find_the_lower_of_two_flanks_however_close():
+    """Near the centre of curvature of the floor, two minima lie in one small piece of the surface."""
+    patch = graph("valley", lambda x, y: 0.5 * x * x, 2, 8)
+    random = np.random.default_rng(0)
+    points = random.uniform([-1e-3, -0.5, 0.9], [1e-3, 0.5, 1.1], (1000, 3))
+    assert np.all(distances(patch, points) <= brute_force(patch, points, samples=250, zooms=12) + 1e-10)
