@@ -5,7 +5,7 @@ from typing import Annotated, Any, Self
 import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
-from geom2iga.tables import Count, Degrees, Name, Number, Positive, SpansEach, Table, Vector
+from geom2iga.tables import Count, Degrees, Direction, Name, Number, Positive, SpansEach, Table, Vector
 
 Tags = Annotated[tuple[Count, ...], Field(min_length=1)]
 
@@ -115,4 +115,19 @@ class Body(Mesh):
         for name in names:
             if names.count(name) > 1:
                 raise ValueError(f'two groups of faces are called "{name}"')
+        return self
+
+
+class OnePatch(Body):
+    """A body of one patch, whose directions are known beforehand."""
+
+    breaks: Direction | None = Field(None, description="distinct knots per direction, from 0 to 1")
+
+    @model_validator(mode="after")
+    def _increasing(self) -> Self:
+        if self.grading and self.breaks:
+            raise ValueError("give only one of grading and breaks")
+        for direction, at in enumerate(self.breaks or ()):
+            if len(at) < 2 or at[0] != 0 or at[-1] != 1 or np.any(np.diff(at) <= 0):
+                raise ValueError(f"breaks[{direction}] must increase from 0 to 1, found {at}")
         return self

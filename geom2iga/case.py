@@ -7,29 +7,25 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from geom2iga import bspline
-from geom2iga.body_case import Body, Rotation
+from geom2iga.body_case import Body, OnePatch, Rotation
 from geom2iga.cad.case import Cad, Import
 from geom2iga.shapes.case import Cylinder, DomedBlock, Extrusion, Hemisphere, Pipe, Revolution, Sphere
 from geom2iga.tables import Degrees, Direction, Name, Positive, Table, Units, Vector
 
 
-class Block(Body):
+class Block(OnePatch):
     """A cuboid, built by gmsh; a body of one patch."""
 
     name: Name = Field(description="name of the body")
     origin: Vector = Field((0.0, 0.0, 0.0), description="its corner of smallest x, y, z, before any rotation")
     size: tuple[Positive, Positive, Positive] = Field(description="its edges along x, y, z, before any rotation")
     rotate: Rotation | None = Field(None, description="rotation about an axis")
-    breaks: Direction | None = Field(None, description="distinct knots per direction, from 0 to 1")
     knots: Direction | None = Field(None, description="full open knot vectors")
 
     @model_validator(mode="after")
-    def _increasing(self) -> Self:
-        if self.grading and (self.breaks or self.knots):
-            raise ValueError("give only one of grading and breaks or knots")
-        for direction, at in enumerate(self.breaks or ()):
-            if len(at) < 2 or at[0] != 0 or at[-1] != 1 or np.any(np.diff(at) <= 0):
-                raise ValueError(f"breaks[{direction}] must increase from 0 to 1, found {at}")
+    def _graded_once(self) -> Self:
+        if self.grading and self.knots:
+            raise ValueError("give only one of grading and knots")
         return self
 
     def knot_vectors(self, degrees: tuple[int, int, int]) -> tuple[bspline.Array, ...] | None:

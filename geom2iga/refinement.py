@@ -7,7 +7,7 @@ from math import prod
 
 import numpy as np
 
-from geom2iga.body_case import Grading, Mesh
+from geom2iga.body_case import Grading, Mesh, OnePatch
 from geom2iga.bspline import Array, breaks, open_knots
 from geom2iga.errors import CaseError
 from geom2iga.glue import Edge, in_space, respaced
@@ -92,6 +92,8 @@ def _ratio(edges: Sequence[Edge], patches: Sequence[Patch], toward: Mapping[Face
 
 def _break_points(at: Array, edges: Sequence[Edge], patches: Sequence[Patch], mesh: Mesh, ratio: float) -> Array:
     """Cut the intervals between the breaks that a shape needs into spans."""
+    if isinstance(mesh, OnePatch) and mesh.breaks is not None:
+        return np.array(mesh.breaks[edges[0].axis])
     if mesh.span_size is None:
         return _graded(at, max((mesh.spans or (1, 1, 1))[edge.axis] for edge in edges), ratio)
     fine, arcs = _arc_lengths(at, edges, patches)

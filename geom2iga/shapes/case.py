@@ -5,7 +5,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from geom2iga.body_case import Body, Rotation
+from geom2iga.body_case import Body, OnePatch, Rotation
 from geom2iga.errors import UserError
 from geom2iga.model import Part
 from geom2iga.shapes import primitives
@@ -97,16 +97,19 @@ class Hemisphere(Primitive):
         return primitives.hemisphere(self.name, self.radius, self.height, self.flat)
 
 
-class DomedBlock(Primitive):
+class DomedBlock(Primitive, OnePatch):
     """A block with a round bottom, whose lowest point is the origin; faces left, right, front, back, bottom, top."""
 
     size: tuple[Positive, Positive, Positive] = Field(description="edges along x and y, height above the lowest point")
     radius: Positive = Field(description="of curvature at the lowest point")
     bottom: Bottom = Field("sphere", description="sphere, cylinder (about a line along y) or paraboloid")
+    quarter: bool = Field(
+        False, strict=True, description="only what lies over positive x and y from the lowest point, of that size"
+    )
 
     def shape(self) -> Part:
         """Build it over the origin of space."""
-        return primitives.domed_block(self.name, self.size, self.radius, self.bottom)
+        return primitives.domed_block(self.name, self.size, self.radius, self.bottom, self.quarter)
 
 
 class Extrusion(Primitive):

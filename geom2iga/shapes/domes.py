@@ -13,13 +13,14 @@ from geom2iga.errors import GeometryError
 from geom2iga.patch import Patch
 from geom2iga.shapes.sweeps import arc, extruded, quadrilateral, ruled, shifted, turned
 from geom2iga.sphere import closing_angle, spherical_patch
-from geom2iga.spline import Spline
+from geom2iga.spline import Spline, restricted
 
 Bottom = Literal["sphere", "cylinder", "paraboloid"]
 
 CORE = 0.5  # distance of the corners of a core from the centre or the axis, in radii
 SIGNS = -1.0, 1.0
 ORIGIN = np.zeros(3)
+HALF_WAY = 0.5  # the parameter of the lines of symmetry of a dome
 
 
 def ball_blocks(radius: float) -> list[Spline]:
@@ -82,6 +83,19 @@ def domed_surface(width: float, depth: float, radius: float, kind: Bottom) -> tu
         np.array([[1.0, 0, 0, 0], [0, 0, 0, 0], [0, 1, 0, radius]])
     )
     return ruled(shifted(upright, (0, -depth / 2, 0)), shifted(upright, (0, depth / 2, 0))), rise
+
+
+def quarter_of(surface: Spline) -> Spline:
+    """Cut out the upper half in both directions of a surface."""
+    for axis in range(2):
+        front = np.moveaxis(surface.coefficients, axis, 0)
+        knots, half = restricted(
+            surface.degrees[axis], surface.knots[axis], front.reshape(len(front), -1), HALF_WAY, 1.0
+        )
+        coefficients = np.moveaxis(half.reshape(-1, *front.shape[1:]), 0, axis)
+        each = tuple(knots if d == axis else given for d, given in enumerate(surface.knots))
+        surface = Spline(surface.degrees, each, coefficients)
+    return surface
 
 
 def _paraboloid(half_width: float, half_depth: float, radius: float) -> Spline:

@@ -19,7 +19,7 @@ from geom2iga.bspline import Array
 from geom2iga.errors import GeometryError
 from geom2iga.model import SIDES, Part
 from geom2iga.patch import Face
-from geom2iga.shapes.domes import CORE, ORIGIN, Bottom, ball_blocks, domed_surface, half_ball_blocks
+from geom2iga.shapes.domes import CORE, ORIGIN, Bottom, ball_blocks, domed_surface, half_ball_blocks, quarter_of
 from geom2iga.shapes.profile import profile
 from geom2iga.shapes.sweeps import arc, equal_angles, extruded, quadrilateral, revolved, ruled, turned
 from geom2iga.spline import Spline
@@ -114,7 +114,9 @@ def hemisphere(name: str, radius: float, height: float = 0.0, flat: Literal["up"
     return _part(name, [turned(volume, turn) for volume in volumes], places)
 
 
-def domed_block(name: str, size: Sequence[float], radius: float, bottom: Bottom = "sphere") -> Part:
+def domed_block(
+    name: str, size: Sequence[float], radius: float, bottom: Bottom = "sphere", quarter: bool = False
+) -> Part:
     """Make a block with plane sides and a convex bottom whose lowest point is the origin.
 
     Parameters
@@ -125,13 +127,17 @@ def domed_block(name: str, size: Sequence[float], radius: float, bottom: Bottom 
         Of curvature at the lowest point.
     bottom :
         A sphere, a cylinder about a line along y, or the paraboloid z = (x² + y²) / (2 radius).
+    quarter :
+        Only what lies over positive x and y, as wide and deep as `size` says, for a model with two planes of symmetry.
 
     Returns
     -------
     Part
         One patch; faces "left" ... "top" as those of a block.
     """
-    low, rise = domed_surface(size[0], size[1], radius, bottom)
+    times = 2 if quarter else 1
+    low, rise = domed_surface(times * size[0], times * size[1], radius, bottom)
+    low = quarter_of(low) if quarter else low
     if size[2] <= rise:
         raise GeometryError(
             f"the height {size[2]:g} of a block must be more than the {rise:g} by which its bottom rises"

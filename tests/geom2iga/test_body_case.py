@@ -6,6 +6,7 @@ from math import inf, nan
 import pytest
 
 from geom2iga.body_case import Faces, Grading, Round
+from geom2iga.build import build
 from geom2iga.case import GeometryCase
 from geom2iga.errors import CaseError
 from geom2iga.tables import checked
@@ -210,10 +211,27 @@ def test_an_unknown_key_of_an_imported_body_gets_the_nearest_known_one(geometry,
     assert_refused({"geometry": geometry}, f'did you mean "{right}"')
 
 
-@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "block"])
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind not in ("block", "domed_block")])
 @pytest.mark.parametrize(("key", "value"), [("knots", [[0, 0, 1, 1]] * 3), ("breaks", [[0, 1]] * 3)])
 def test_only_blocks_take_knots_and_breaks(kind, key, value):
     assert_refused(case_of(kind, **{key: value}), f'"{key}" in [geometry.{kind}[0]]')
+
+
+def test_a_domed_block_takes_breaks_and_is_as_smooth_as_its_degree_there():
+    at = [0.0, 0.1, 0.3, 1.0]
+    for bottom in ("paraboloid", "sphere"):
+        case = case_of("domed_block", degree=3, breaks=[at, at, [0.0, 0.5, 1.0]], bottom=bottom)
+        (patch,) = build(case).patches.values()
+        inner = [knots[p + 1 : -p - 1].tolist() for knots, p in zip(patch.knots, patch.degrees, strict=True)]
+        assert inner == [at[1:-1], at[1:-1], [0.5]]
+
+
+@pytest.mark.parametrize("kind", ["block", "domed_block"])
+@pytest.mark.parametrize("at", [[0.0], [0.1, 1.0], [0.0, 0.5, 0.5, 1.0]])
+def test_breaks_that_do_not_increase_from_0_to_1_are_refused(kind, at):
+    assert_refused(
+        case_of(kind, breaks=[at, [0.0, 1.0], [0.0, 1.0]]), f"geometry.{kind}[0]", "must increase from 0 to 1"
+    )
 
 
 @pytest.mark.parametrize("ways", [("spans", "span_size"), ("span_size", "breaks"), ("spans", "span_size", "knots")])

@@ -158,6 +158,19 @@ def test_a_domed_block_lies_on_its_dome_between_plane_sides(kind, share, slant, 
     assert abs(face_points(part, "top")[:, 2] - 2 * radius).max() <= 1e-14 * radius
 
 
+@given(st.sampled_from(["sphere", "cylinder", "paraboloid"]), st.floats(0.1, 0.95), st.floats(0.05, 1.5), LENGTHS)
+def test_four_quarters_of_a_domed_block_are_the_whole(kind, share, slant, radius):
+    width, depth = share * radius * cos(slant), share * radius * sin(slant)
+    part = domed_block("punch", (width, depth, 2 * radius), radius, kind, quarter=True)
+    assert_sound(part, 0, ("left", "right", "front", "back", "bottom", "top"))
+    whole = domed_block("punch", (2 * width, 2 * depth, 2 * radius), radius, kind)
+    assert volume(part) == pytest.approx(volume(whole) / 4, rel=1e-11)
+    x, y, z = face_points(part, "bottom").T
+    assert abs(z - depression(kind, radius, x, y)).max() <= 1e-14 * radius / sqrt(1 - share**2)
+    for name, axis, at in (("left", 0, 0.0), ("right", 0, width), ("front", 1, 0.0), ("back", 1, depth)):
+        assert abs(face_points(part, name)[:, axis] - at).max() <= 1e-14 * radius
+
+
 def under_circle(radius, half):
     """Area between a circle of a radius and the line through its lowest point, between -half and half."""
     return 2 * half * radius - half * sqrt(radius**2 - half**2) - radius**2 * asin(half / radius)
@@ -276,6 +289,10 @@ def test_tables_build_the_parts_they_describe():
         (Sphere(**common, radius=2.0), sphere("body", 2)),
         (Hemisphere(**common, radius=2.0, height=1.0, flat="down"), hemisphere("body", 2, 1, "down")),
         (DomedBlock(**common, size=(1, 1, 1), radius=3.0), domed_block("body", (1, 1, 1), 3)),
+        (
+            DomedBlock(**common, size=(1, 1, 1), radius=3.0, quarter=True),
+            domed_block("body", (1, 1, 1), 3, quarter=True),
+        ),
         (Extrusion(**common, points=SQUARE, vector=(0, 0, 1)), extrusion("body", SQUARE, (0, 0, 1))),
         (Revolution(**common, points=[(1, 0), (2, 0), (2, 1), (1, 1)]), pipe("body", 1, 2, 1)),
     ]
