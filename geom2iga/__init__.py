@@ -9,6 +9,7 @@ Model(bodies cube; 1 patches, 6 face groups)
 from geom2iga.build import build, build_from_gmsh
 from geom2iga.case import GeometryCase
 from geom2iga.errors import CaseError, GeometryError, NotConvergedError, UserError, VerificationError
+from geom2iga.facets import faceted
 from geom2iga.files import read_model, write_model
 from geom2iga.model import Glued, Model
 from geom2iga.patch import Face, Patch, elevated, evaluate, refined, reversed_along, surface
@@ -32,6 +33,7 @@ __all__ = [
     "build_from_gmsh",
     "elevated",
     "evaluate",
+    "faceted",
     "read_case",
     "read_model",
     "refined",
