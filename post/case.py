@@ -20,11 +20,16 @@ Quantity = Literal[
     "uy",
     "uz",
     "pressure",
+    "pressure_max",
+    "gap",
+    "penetration",
+    "contact_area",
     "contact_force",
+    "contact_moment",
 ]
 Samples = Annotated[int, Field(strict=True, ge=2, le=64)]
-COMPONENTS = {"stress": 6, "displacement": 3, "contact_force": 3}
-ON_CONTACTS = ("pressure", "contact_force")
+COMPONENTS = {"stress": 6, "displacement": 3, "contact_force": 3, "contact_moment": 3}
+ON_CONTACTS = ("pressure", "pressure_max", "gap", "penetration", "contact_area", "contact_force", "contact_moment")
 
 
 class Post(Table):

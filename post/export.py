@@ -9,7 +9,7 @@ from geom2iga.stage import log, uninterrupted
 from geom2iga.tables import Source, checked
 from geom2iga.threads import one_blas_thread
 from post.case import PostCase
-from post.summary import summarise, write_history, write_summary
+from post.summary import summarise, write_history, write_load_steps, write_summary
 from post.verify import verify
 from post.vtu import write_bodies, write_contact
 from solve.result import Result
@@ -49,6 +49,9 @@ def export(result: Result, source: Source, folder: str | Path, stamp: str = "") 
         write_bodies(folder / "bodies.vtu", result, samples)
         write_history(folder / "history.csv", result.history)
         files = ["bodies.vtu", "history.csv"]
+        if len(result.states) > 1:
+            write_load_steps(folder / "load_steps.csv", result)
+            files.append("load_steps.csv")
         if result.contacts:
             write_contact(folder / "contact.vtu", result, samples)
             files.append("contact.vtu")
@@ -77,6 +80,8 @@ def _draw(result: Result, case: PostCase, folder: Path) -> Iterator[str]:
     }
     if result.contacts:
         figures["contact_pressure.png"] = lambda: plots.draw_pressure(result, stress)
+    if result.contacts and len(result.states) > 1:
+        figures["load_steps.png"] = lambda: plots.draw_load_steps(result, force)
     if result.history:
         figures["newton.png"] = lambda: plots.draw_newton(result.history)
     for name, draw in figures.items():

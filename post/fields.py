@@ -1,6 +1,6 @@
 """Displacement, stress, pressure and gap at sample points."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -157,21 +157,38 @@ def _sample_secondary(result: Result, contact: ContactResult, face: Face, sample
     grid = sample_grid(surface.patch, samples)
     points, normal, _ = area_vectors(surface, grid.xi)
     numbers = result.space.face_numbers(face)
-    fields = np.concatenate([result.state.displacement, result.pressure_field(contact)], axis=1)[numbers]
-    values = evaluate(surface.patch, grid.xi, 0, fields, grid.spans)[0]
-    gap = _gaps(result, contact, points, normal, values[:, :3])
-    pressure = np.where(np.isnan(gap), 0.0, values[:, 3])
-    return ContactSamples(points, values[:, :3], pressure, gap, normal, grid.cells)
+    displacement = evaluate(surface.patch, grid.xi, 0, result.state.displacement[numbers], grid.spans)[0]
+    pressure = result.pressure_at(contact, face, grid.xi, grid.spans)
+    gap = np.full(len(points), np.nan)
+    for opposite, own, xi in _opposite(result, contact, points, normal):
+        gap[own] = _gaps(result, opposite, xi, points[own] + displacement[own])
+        for other in second_passes(result, contact):
+            pressure[own] += result.pressure_at(other, opposite, xi)
+    pressure = np.where(np.isnan(gap), 0.0, pressure)
+    return ContactSamples(points, displacement, pressure, gap, normal, grid.cells)
 
 
-def _gaps(result: Result, contact: ContactResult, points: Array, normal: Array, displacement: Array) -> Array:
-    """Gap (q,) of secondary points, with their normals, to the nearest primary face."""
-    gap, faces = np.full(len(points), np.nan), result.model.faces(contact.definition.primary)
-    surfaces = [surface_of(result.model, face) for face in faces]
-    nearest, xi = nearest_feet(points, normal, surfaces)
-    for number, (face, surface) in enumerate(zip(faces, surfaces, strict=True)):
-        own = nearest == number
-        feet, outward, _ = area_vectors(surface, xi[own])
-        moved = evaluate(surface.patch, xi[own], 0, result.state.displacement[result.space.face_numbers(face)])[0]
-        gap[own] = np.einsum("qk,qk->q", points[own] + displacement[own] - feet - moved, outward)
-    return gap
+def second_passes(result: Result, contact: ContactResult) -> tuple[ContactResult, ...]:
+    """Find the pass of a contact that has the sides of this one exchanged, if it has two passes."""
+    sides = {"secondary": contact.definition.primary, "primary": contact.definition.secondary}
+    other = contact.definition.model_copy(update=sides)
+    return tuple(c for c in result.contacts if contact.definition.two_pass and c.definition == other)
+
+
+def _opposite(
+    result: Result, contact: ContactResult, points: Array, normal: Array
+) -> Iterator[tuple[Face, Indices, Array]]:
+    """Yield the primary faces, which of the secondary points (q,) lie opposite each, and where on it."""
+    faces = result.model.faces(contact.definition.primary)
+    nearest, xi = nearest_feet(points, normal, [surface_of(result.model, face) for face in faces])
+    for number, face in enumerate(faces):
+        own = np.flatnonzero(nearest == number)
+        yield face, own, xi[own]
+
+
+def _gaps(result: Result, face: Face, xi: Array, points: Array) -> Array:
+    """Gap (q,) between displaced points and those of a primary face at xi, displaced, too."""
+    surface = surface_of(result.model, face)
+    feet, outward, _ = area_vectors(surface, xi)
+    moved = evaluate(surface.patch, xi, 0, result.state.displacement[result.space.face_numbers(face)])[0]
+    return np.einsum("qk,qk->q", points - feet - moved, outward)

@@ -13,12 +13,13 @@ from geom2iga.patch import Face
 from geom2iga.picture import scene
 from post.fields import BodySamples, ContactSamples, sample_at, sample_face, sample_secondary
 from solve.newton import Step
-from solve.result import Result
+from solve.result import Result, first_passes
 
 SAMPLES = 5  # per span and direction, on the surfaces drawn
 VISIBLE = 0.08  # largest displacement drawn, in sizes of the model
 UNIFORM = 1e-6  # a field whose range is below this fraction of its size is drawn as uniform
 WIDTH = 8.0  # of a figure [inches]
+PROFILE = 501  # points of a closed form's curve
 BLUE, BROWN = "#1f4e79", "#b35806"
 
 
@@ -60,6 +61,48 @@ def draw_newton(history: Sequence[Step]) -> Figure:
     other.plot(steps, [step.active for step in history], "s--", color=BROWN)
     other.set_ylabel("active control points", color=BROWN)
     other.set_ylim(0, 1.1 * max(1, *(step.active for step in history)))
+    return figure
+
+
+def draw_profile(
+    distance: Array, pressure: Array, exact: Callable[[Array], Array], length: str = "", stress: str = ""
+) -> Figure:
+    """Draw contact pressure over distance as points, on the curve of a closed form.
+
+    Parameters
+    ----------
+    distance, pressure : (q,)
+        Of sample points, in any sequence.
+    exact :
+        Pressure at distances.
+    length, stress :
+        Units.
+    """
+    figure = Figure(figsize=(6.4, 4.0), layout="constrained")
+    axes = figure.add_subplot()
+    line = np.linspace(min(0.0, distance.min()), distance.max(), PROFILE)
+    axes.plot(line, exact(line), color=BROWN, label="closed form")
+    axes.plot(distance, pressure, ".", color=BLUE, markersize=3, label="computed")
+    axes.set_xlabel(f"distance [{length}]" if length else "distance")
+    axes.set_ylabel(f"contact pressure [{stress}]" if stress else "contact pressure")
+    axes.legend(frameon=False)
+    axes.grid(alpha=0.3)
+    return figure
+
+
+def draw_load_steps(result: Result, unit: str = "") -> Figure:
+    """Draw the force of each contact over the share of the loads."""
+    figure = Figure(figsize=(6.4, 4.0), layout="constrained")
+    axes = figure.add_subplot()
+    shares = [state.load_factor for state in result.states]
+    forces = [[np.linalg.norm(c.force) for c in first_passes(state.contacts)] for state in result.states]
+    for contact, values in zip(result.pairs, np.transpose(forces), strict=True):
+        label = f"{contact.definition.secondary} on {contact.definition.primary}"
+        axes.plot(shares, values, "o-", label=label)
+    axes.set_xlabel("share of the loads")
+    axes.set_ylabel(f"contact force [{unit}]" if unit else "contact force")
+    axes.legend()
+    axes.grid(alpha=0.3)
     return figure
 
 

@@ -2,7 +2,7 @@
 
 import csv
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
@@ -13,20 +13,22 @@ from geom2iga.files import replacing
 from post.fields import sample_contact, sample_patch
 from post.verify import Check
 from solve.newton import Step
-from solve.result import Result
+from solve.result import ContactResult, Result, first_passes
 
 
 def summarise(result: Result, checks: Sequence[Check], samples: int) -> dict[str, Any]:
     """Collect the numbers of a result; stresses are extremes over the sample points."""
     statistics = result.statistics
-    keys = ("dofs", "newton_iterations", "linear_iterations", "strain_energy", "equilibrium_error", "peak_memory")
+    keys = ("dofs", "newton_iterations", "linear_iterations", "factorisations", "strain_energy", "equilibrium_error")
     return {
         "status": result.status.name.lower(),
         **{key: statistics[key] for key in keys},
+        "peak_memory": statistics["peak_memory"],
         "seconds": dict(statistics["seconds"]),
         "bodies": {body: _body(result, body, samples) for body in result.model.bodies},
         "patches": {name: certificate.data for name, certificate in result.model.certificates.items()},
         "contact": list(_contacts(result, samples)),
+        "load_steps": load_steps(result),
         "verify": [asdict(check) for check in checks],
     }
 
@@ -41,20 +43,37 @@ def _body(result: Result, body: str, samples: int) -> dict[str, Any]:
     }
 
 
-def _contacts(result: Result, samples: int) -> Any:
-    for contact in result.contacts:
+def _contacts(result: Result, samples: int) -> Iterator[dict[str, Any]]:
+    for contact in result.pairs:
         parts = sample_contact(result, contact, samples)
         gaps = np.concatenate([part.gap for part in parts])
         yield {
-            "secondary": contact.definition.secondary,
-            "primary": contact.definition.primary,
-            "force": contact.force.tolist(),
-            "area": contact.area,
+            **contact.definition.model_dump(include={"secondary", "primary", "method", "enforcement"}),
+            **carried(contact),
             "pressure_max": max(float(part.pressure.max()) for part in parts),
             "gap_min": None if np.isnan(gaps).all() else float(np.nanmin(gaps)),
-            "active": int(contact.active.sum()),
-            "penalty": contact.penalty,
+            "penalty": contact.penalty if np.isfinite(contact.penalty) else None,
         }
+
+
+def carried(contact: ContactResult) -> dict[str, Any]:
+    """What a contact carries: force on its secondary side, moment about the origin, area, overlap, closed gaps."""
+    return {
+        "force": contact.force.tolist(),
+        "moment": contact.moment.tolist(),
+        "area": contact.area,
+        "penetration": contact.penetration,
+        "active": int(contact.active.sum()),
+        "candidates": len(contact.active),
+    }
+
+
+def load_steps(result: Result) -> list[dict[str, Any]]:
+    """Say what each contact carries in each load step."""
+    return [
+        {"load_factor": state.load_factor, "contact": [carried(contact) for contact in first_passes(state.contacts)]}
+        for state in result.states
+    ]
 
 
 def write_summary(path: Path, summary: Mapping[str, Any]) -> None:
@@ -65,7 +84,30 @@ def write_summary(path: Path, summary: Mapping[str, Any]) -> None:
 
 def write_history(path: Path, history: Sequence[Step]) -> None:
     """Write history.csv, a row per Newton step."""
+    _write_rows(path, [field.name for field in fields(Step)], map(asdict, history))
+
+
+def write_load_steps(path: Path, result: Result) -> None:
+    """Write load_steps.csv, a row per load step and contact."""
+    rows = [
+        {
+            "load_step": number,
+            "load_factor": step["load_factor"],
+            "secondary": contact.definition.secondary,
+            "primary": contact.definition.primary,
+            **{f"force_{axis}": value for axis, value in zip("xyz", values["force"], strict=True)},
+            **{f"moment_{axis}": value for axis, value in zip("xyz", values["moment"], strict=True)},
+            **{key: values[key] for key in ("area", "penetration", "active", "candidates")},
+        }
+        for number, step in enumerate(load_steps(result), start=1)
+        for contact, values in zip(result.pairs, step["contact"], strict=True)
+    ]
+    _write_rows(path, list(rows[0]) if rows else ["load_step"], rows)
+
+
+def _write_rows(path: Path, names: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> None:
+    """Write a CSV file with a header."""
     with replacing(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, [field.name for field in fields(Step)])
+        writer = csv.DictWriter(file, names)
         writer.writeheader()
-        writer.writerows(asdict(step) for step in history)
+        writer.writerows(rows)

@@ -46,7 +46,7 @@ def verify(result: Result, source: Source) -> tuple[Check, ...]:
     """
     case = checked(source, PostCase)
     result.check_converged()
-    check_names(result.model, [contact.definition for contact in result.contacts], case.verify)
+    check_names(result.model, [contact.definition for contact in result.pairs], case.verify)
     checks = []
     for entry in case.verify:
         parts = list(_values(result, entry, case.post.samples))
@@ -100,11 +100,14 @@ def _samples(result: Result, on: str | None, samples: int) -> Iterator[BodySampl
 
 
 def _contact_values(result: Result, entry: Verify, samples: int) -> Iterator[Array]:
-    """Yield pressure where the primary side lies opposite, or the force on the secondary body."""
-    contacts = [c for c in result.contacts if entry.on in (None, c.definition.secondary)]
-    for contact in contacts:
-        if entry.quantity == "contact_force":
-            yield contact.force[None, :]
+    """Yield a quantity of each contact; fields only where the primary side lies opposite."""
+    whole = {"penetration": "penetration", "contact_area": "area", "contact_force": "force", "contact_moment": "moment"}
+    for contact in (c for c in result.pairs if entry.on in (None, c.definition.secondary)):
+        if entry.quantity in whole:
+            yield np.atleast_1d(getattr(contact, whole[entry.quantity]))[None]
+            continue
+        parts = sample_contact(result, contact, samples)
+        if entry.quantity == "pressure_max":
+            yield np.array([max(part.pressure.max() for part in parts)])
         else:
-            for part in sample_contact(result, contact, samples):
-                yield part.pressure[~np.isnan(part.gap)]
+            yield from (getattr(part, entry.quantity)[~np.isnan(part.gap)] for part in parts)

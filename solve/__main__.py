@@ -11,12 +11,14 @@ from geom2iga.errors import CaseError, NotConvergedError
 from geom2iga.files import read_model, read_stamp
 from geom2iga.stage import Stage, discard, fingerprint, log, run_command
 from geom2iga.tables import Case, checked
-from solve.analysis import prepare, solve
+from solve.analysis import solve
 from solve.case import SolveCase
 from solve.files import FORMAT, VERSION, read_result, write_result
 from solve.newton import Status, Step
+from solve.problem import prepare
+from solve.result import ContactResult
 
-FILE = "solution.h5"
+FILE, STEPS = "solution.h5", "steps.h5"
 
 
 def stamp(case: Case, folder: Path) -> str:
@@ -30,43 +32,59 @@ def stamp(case: Case, folder: Path) -> str:
 def plan(case: Case) -> str:
     """Check that the case fits its geometry."""
     problem = prepare(build(case), checked(case, SolveCase).solve)
-    candidates = sum(len(mortar.area) for mortar in problem.mortars)
-    return f"{problem.allowed.size} unknowns, {candidates} control points that may touch"
+    candidates = sum(len(part.mortar.area) for part in problem.passes)
+    return f"{problem.allowed.size} unknowns, {candidates} gaps that may close"
 
 
 def run(case: Case, folder: Path, stamp: str) -> None:
-    """Solve and write solution.h5; raise NotConvergedError where no equilibrium was reached."""
+    """Solve and write solution.h5; raise NotConvergedError where no equilibrium was reached.
+
+    The load steps so far lie in steps.h5 as long as the last one has not converged; a later run goes on from there.
+    """
     began = time.perf_counter()
-    model = read_model(folder / geometry.FILE)
-    result = solve(model, case, report_step)
-    if result.status is not Status.CONVERGED:
-        discard(folder)
-        raise NotConvergedError(f"iga-solve: {result.status.value}")
-    write_result(folder / FILE, result, stamp)
+    model, steps = read_model(folder / geometry.FILE), folder / STEPS
+    before = read_result(steps).states if read_stamp(steps, FORMAT, VERSION) == stamp else ()
+    if before:
+        log.info("iga-solve: going on after load step %d", len(before))
+    result = solve(model, case, report_step, lambda so_far: write_result(steps, so_far, stamp), before)
     discard(folder)
-    for contact in result.contacts:
-        force = ", ".join(f"{component:.6g}" for component in contact.force)
-        log.info(
-            'iga-solve: contact of "%s" with "%s": force (%s), area %.6g, largest control pressure %.6g',
-            contact.definition.secondary,
-            contact.definition.primary,
-            force,
-            contact.area,
-            contact.pressure.max() + 0.0,
-        )
+    if result.status is not Status.CONVERGED:
+        where = f"load step {len(result.states) + 1}: " if checked(case, SolveCase).solve.steps.several else ""
+        raise NotConvergedError(f"iga-solve: {where}{result.status.value}")
+    write_result(folder / FILE, result, stamp)
+    steps.unlink(missing_ok=True)
+    for contact in result.pairs:
+        log.info("iga-solve: %s", describe(contact))
+        if contact.hidden_overlap > 0:
+            log.warning(
+                'iga-solve: warning: "%s" and "%s" overlap by up to %.3g, but no averaged gap is closed: '
+                "refine the secondary side there, or exchange the sides",
+                *(contact.definition.secondary, contact.definition.primary, contact.hidden_overlap),
+            )
     statistics = result.statistics
     log.debug("iga-solve: %s, seconds %s", statistics["linear_solver"], statistics["seconds"])
     log.info("iga-solve: converged, %d unknowns, %.2f s", statistics["dofs"], time.perf_counter() - began)
 
 
+def describe(contact: ContactResult) -> str:
+    """Say in one line what a contact carries."""
+    force, moment = (", ".join(f"{component:.6g}" for component in v + 0.0) for v in (contact.force, contact.moment))
+    return (
+        f'contact of "{contact.definition.secondary}" with "{contact.definition.primary}": force ({force}), '
+        f"moment ({moment}), area {contact.area:.6g}, "
+        f"largest control pressure {contact.pressure.max(initial=0.0):.6g}, overlap {contact.penetration:.3g}, {contact.active.sum()} of {len(contact.active)} gaps closed"
+    )
+
+
 def report_step(step: Step) -> None:
     """Print one line per Newton step, before the first what its columns are."""
     if step.number == 1:
-        columns = ("step", "residual", "active", "changes", "length", "seconds")
-        log.info("iga-solve: %5s %12s %8s %8s %8s %9s", *columns)
+        columns = ("step", "load step", "update", "residual", "active", "changes", "length", "seconds")
+        log.info("iga-solve: %5s %10s %7s %12s %8s %8s %8s %9s", *columns)
     log.info(
-        "iga-solve: %5d %12.3e %8d %8d %8.3g %9.3f",
-        *(step.number, step.residual, step.active, step.changes, step.length, step.seconds),
+        "iga-solve: %5d %10d %7d %12.3e %8d %8d %8.3g %9.3f",
+        *(step.number, step.load_step, step.update),
+        *(step.residual, step.active, step.changes, step.length, step.seconds),
     )
 
 
@@ -76,7 +94,7 @@ def summary(folder: Path) -> Mapping[str, Any]:
     return {
         "status": result.status.value,
         **result.statistics,
-        "contact": [{"force": list(c.force), "area": c.area, "active": int(c.active.sum())} for c in result.contacts],
+        "contact": [{"force": list(c.force), "area": c.area, "active": int(c.active.sum())} for c in result.pairs],
     }
 
 

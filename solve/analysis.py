@@ -3,58 +3,56 @@
 import resource
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import NamedTuple
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from geom2iga.bspline import Array
-from geom2iga.errors import CaseError
 from geom2iga.model import Model
 from geom2iga.tables import Source, checked
 from geom2iga.threads import one_blas_thread
-from solve.case import Solve, SolveCase
-from solve.constraints import AffineMap, constrain, find_conditions
-from solve.contact.cells import find_cells
-from solve.contact.laws import Penalty, find_penalty
-from solve.contact.mortar import Mortar, assemble_mortar, stacked
+from solve.case import SolveCase
+from solve.contact.mortar import deepest_overlap
 from solve.elasticity import assemble_stiffness
-from solve.linear import direct_solver
-from solve.loads import assemble_loads
-from solve.material import find_materials
-from solve.newton import ROUNDING, Solution, Status, Step, minimise
+from solve.equilibrium import Settings, Start, find_equilibrium
+from solve.linear import Tangents, direct_solver
+from solve.newton import ROUNDING, Solution, Status, Step
+from solve.problem import Pass, Problem, prepare
 from solve.result import ContactResult, Result, State
-from solve.rigid import check_held, check_pressed, rigid_modes, unsupported
-from solve.space import Space, check_right_handed, number_control_points
 from solve.system import System, reduced_system
 
+TOUCHING = 1e-9  # overlaps below this fraction of the smallest body are rounding errors
 
-class Problem(NamedTuple):
-    """Everything the solver needs, in all degrees of freedom."""
-
-    case: Solve
-    space: Space
-    mortars: tuple[Mortar, ...]
-    penalties: tuple[float, ...]
-    allowed: AffineMap
-    load: Array  # (dofs,)
-    rigid: Array  # (dofs, k)
+Report = Callable[[Step], None]
+Keep = Callable[[Result], None]
 
 
-def solve(model: Model, source: Source, report: Callable[[Step], None] = lambda step: None) -> Result:
-    """Solve the contact problem of a case on a model.
+def solve(
+    model: Model,
+    source: Source,
+    report: Report = lambda step: None,
+    keep: Keep = lambda result: None,
+    before: Sequence[State] = (),
+) -> Result:
+    """Solve the contact problem of a case on a model, load step by load step.
 
     Parameters
     ----------
     source : path, dict, Case or SolveCase
     report : function
         Is told of each Newton step.
+    keep : function
+        Is given the result so far after each load step but the last.
+    before : sequence of State
+        States of the first load steps, of an analysis of the same case that was cut off.
 
     Returns
     -------
     Result
-        Look at its `status`; only a converged result has a state.
+        Look at its `status`; its states are those of the load steps that converged.
 
     Raises
     ------
@@ -64,81 +62,131 @@ def solve(model: Model, source: Source, report: Callable[[Step], None] = lambda 
         A patch is folded.
     """
     case = checked(source, SolveCase).solve
-    with one_blas_thread():
-        return _solve(model, case, report)
-
-
-def _solve(model: Model, case: Solve, report: Callable[[Step], None]) -> Result:
-    """Solve a checked case."""
     clock = Clock()
-    materials = find_materials(model, case)
-    with clock.phase("contact"):
-        problem = prepare(model, case)
-    with clock.phase("assembly"):
-        stiffness = assemble_stiffness(problem.space, materials)
-        mortar = stacked(problem.mortars, problem.space.dofs)
-        law = Penalty(np.repeat(problem.penalties, [len(part.area) for part in problem.mortars]))
-        system = reduced_system(stiffness, problem.load, mortar, law, problem.allowed, problem.rigid)
-    with clock.phase("newton"):
-        solver = direct_solver()
-        solution = minimise(system, case.newton, solver, report)
-    displacement = (problem.allowed.matrix @ solution.free + problem.allowed.offset).reshape(-1, 3)
-    contacts = tuple(_contact_results(problem, displacement))
-    pressure = np.concatenate([c.pressure for c in contacts]) if contacts else np.empty(0)
-    active = np.concatenate([c.active for c in contacts]) if contacts else np.empty(0, dtype=bool)
-    states = (State(displacement, pressure, active),) if solution.status is Status.CONVERGED else ()
-    statistics = {
-        "dofs": system.stiffness.shape[0],
-        "newton_iterations": len(solution.history),
-        "linear_iterations": 0,
-        "linear_solver": solver.name,
-        "strain_energy": float(displacement.ravel() @ (stiffness @ displacement.ravel()) / 2),
-        "equilibrium_error": _equilibrium_error(problem, system, solution),
+    with one_blas_thread():
+        with clock.phase("contact"):
+            problem = prepare(model, case)
+        with clock.phase("assembly"):
+            assembled = _assemble(problem)
+        return _follow(problem, assembled, clock, report, keep, list(before))
+
+
+class Assembled(NamedTuple):
+    """The reduced problem under all loads, and without any."""
+
+    stiffness: Any  # (dofs, dofs), of all degrees of freedom
+    loaded: System
+    unloaded: System
+    tangents: Tangents
+
+    def under(self, share: float) -> System:
+        """The problem under a share of the loads and prescribed displacements."""
+        one, other = self.loaded, self.unloaded
+        gap = other.initial_gap + share * (one.initial_gap - other.initial_gap)
+        return replace(one, load=share * one.load, initial_gap=gap)
+
+
+def _assemble(problem: Problem) -> Assembled:
+    """Assemble the reduced problem."""
+    stiffness = assemble_stiffness(problem.space, problem.materials)
+    mortar, springs = problem.mortar, problem.law.springs
+    loaded = reduced_system(stiffness, problem.load, mortar, springs, problem.allowed, problem.rigid)
+    unloaded = replace(loaded, load=np.zeros_like(loaded.load), initial_gap=mortar.initial_gap)
+    return Assembled(stiffness, loaded, unloaded, Tangents(loaded.tangent, direct_solver()))
+
+
+def _follow(
+    problem: Problem, assembled: Assembled, clock: "Clock", report: Report, keep: Keep, states: list[State]
+) -> Result:
+    """Go through the load steps, each from the state before."""
+    settings = Settings(problem.case.newton, problem.case.augmentation, problem.size)
+    shares = problem.case.steps.shares
+    history: list[Step] = []
+    status, error = Status.CONVERGED, 0.0
+
+    def told(step: Step) -> None:
+        history.append(replace(step, number=len(history) + 1, load_step=len(states) + 1))
+        report(history[-1])
+
+    def result() -> Result:
+        statistics = _statistics(assembled, clock, history, states, error)
+        return Result(status, problem.space.model, problem.materials, tuple(states), tuple(history), statistics)
+
+    while status is Status.CONVERGED and len(states) < len(shares):
+        system = assembled.under(shares[len(states)])
+        start = _start(problem, states[-1]) if states else None
+        with clock.phase("newton"):
+            solution = find_equilibrium(system, problem.law, settings, assembled.tangents, told, start)
+        status = solution.status
+        if status is Status.CONVERGED:
+            states.append(_state(problem, shares[len(states)], solution))
+            error = max(error, _equilibrium_error(problem, system, solution))
+            if len(states) < len(shares):
+                keep(result())
+    return result()
+
+
+def _start(problem: Problem, state: State) -> Start:
+    """Begin at a state under other loads; what is prescribed is at right angles to what is free."""
+    return Start(problem.allowed.matrix.T @ state.displacement.ravel(), state.pressure)
+
+
+def _state(problem: Problem, share: float, solution: Solution) -> State:
+    """Take what is known of an equilibrium under a share of the loads."""
+    allowed = problem.allowed
+    displacement = (allowed.matrix @ solution.free + share * allowed.offset).reshape(-1, 3)
+    ends = np.cumsum([len(part.mortar.area) for part in problem.passes])[:-1]
+    pressures = np.split(solution.pressure, ends)
+    return State(displacement, tuple(_contact_results(problem, displacement, pressures)), share)
+
+
+def _contact_results(problem: Problem, displacement: Array, pressures: Sequence[Array]) -> Iterator[ContactResult]:
+    """Evaluate gap, pressure, force and moment of each pass; forces are those of all passes of its contact."""
+    pairs = list(zip(problem.passes, pressures, strict=False))
+    for part, pressure in pairs:
+        mortar = part.mortar
+        forces = sum(p.mortar.gap_operator.T @ values for p, values in pairs if p.number == part.number)
+        numbers = problem.space.group_numbers(part.definition.secondary)
+        on_points, points = forces.reshape(-1, 3)[numbers], problem.space.control_points[numbers]
+        yield ContactResult(
+            part.definition,
+            part.penalty,
+            mortar.rows,
+            mortar.area,
+            mortar.centres,
+            mortar.control_gaps(displacement),
+            pressure,
+            pressure > 0,
+            on_points.sum(axis=0),
+            np.cross(points, on_points).sum(axis=0),
+            _hidden_overlap(problem, part, pressure, displacement),
+        )
+
+
+def _hidden_overlap(problem: Problem, part: Pass, pressure: Array, displacement: Array) -> float:
+    """Overlap [length] that no average shows, beyond rounding."""
+    if np.any(pressure > 0):
+        return 0.0
+    overlap = deepest_overlap(problem.space, part.cells, displacement)
+    return overlap if overlap > TOUCHING * problem.size else 0.0
+
+
+def _statistics(
+    assembled: Assembled, clock: "Clock", history: Sequence[Step], states: Sequence[State], error: float
+) -> dict[str, Any]:
+    """Collect sizes, counts and times."""
+    displacement = states[-1].displacement.ravel() if states else np.zeros(assembled.stiffness.shape[0])
+    return {
+        "dofs": assembled.loaded.stiffness.shape[0],
+        "newton_iterations": len(history),
+        "linear_iterations": assembled.tangents.iterations,
+        "factorisations": assembled.tangents.factorisations,
+        "linear_solver": assembled.tangents.solver.name,
+        "strain_energy": float(displacement @ (assembled.stiffness @ displacement) / 2),
+        "equilibrium_error": error,
         "peak_memory": peak_memory(),
-        "seconds": clock.seconds,
+        "seconds": dict(clock.seconds),
     }
-    return Result(solution.status, model, materials, states, contacts, solution.history, statistics)
-
-
-def prepare(model: Model, case: Solve) -> Problem:
-    """Find cells, loads and supports of a case and check that every body is held.
-
-    Raises
-    ------
-    CaseError
-        The case does not fit the model, or a body can move freely.
-    GeometryError
-        A patch is left-handed.
-    """
-    check_right_handed(model)
-    space = number_control_points(model)
-    materials = find_materials(model, case)
-    cells, mortars, penalties = [], [], []
-    for number, contact in enumerate(case.contact):
-        try:
-            cells.append(find_cells(model, contact))
-            mortars.append(assemble_mortar(space, cells[-1]))
-            penalties.append(find_penalty(space, contact, materials))
-        except CaseError as error:
-            raise CaseError(f"solve.contact[{number}]: {error}") from None
-    conditions = find_conditions(space, case.support)
-    allowed = constrain(space, conditions, case.support)
-    mortar = stacked(mortars, space.dofs)
-    check_held(space, conditions, mortar)
-    load = assemble_loads(space, case.load, case.body_force, list(zip(case.contact, cells, strict=True))).ravel()
-    rigid = unsupported(rigid_modes(space), conditions)
-    check_pressed(space, rigid, mortar, load)
-    return Problem(case, space, tuple(mortars), tuple(penalties), allowed, load, rigid)
-
-
-def _contact_results(problem: Problem, displacement: Array) -> Iterator[ContactResult]:
-    """Evaluate gap, pressure and force of each contact."""
-    for contact, mortar, penalty in zip(problem.case.contact, problem.mortars, problem.penalties, strict=True):
-        gap = mortar.control_gaps(displacement)
-        pressure = Penalty(np.full(len(gap), penalty)).pressure(gap)
-        forces = (mortar.gap_operator.T @ pressure).reshape(-1, 3)
-        force = forces[problem.space.group_numbers(contact.secondary)].sum(axis=0)
-        yield ContactResult(contact, penalty, mortar.control_points, mortar.area, gap, pressure, gap <= 0, force)
 
 
 def _equilibrium_error(problem: Problem, system: System, solution: Solution) -> float:
@@ -146,10 +194,12 @@ def _equilibrium_error(problem: Problem, system: System, solution: Solution) -> 
 
     The residual on free unknowns is all that reactions do not take.
     """
-    unbalanced = (problem.allowed.matrix @ system.residual(solution.free)).reshape(-1, 3)
+    contact = system.gap_operator.T @ solution.pressure
+    residual = system.load - system.stiffness @ solution.free + contact
+    unbalanced = (problem.allowed.matrix @ residual).reshape(-1, 3)
     bodies = problem.space.model.bodies
     total = max(float(np.abs(unbalanced[problem.space.body_numbers(body)].sum(axis=0)).max()) for body in bodies)
-    forces = (system.load, system.contact_forces(system.control_gaps(solution.free)))
+    forces = (system.load, contact)
     scale = max(ROUNDING * solution.scale, *(float(np.abs(force).sum()) for force in forces))
     return total / scale if scale else total
 

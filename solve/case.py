@@ -56,15 +56,22 @@ class BodyForce(Table):
 class Contact(Table):
     """A pair of faces that may touch."""
 
-    secondary: str = Field(description="face whose control points carry the pressure")
+    secondary: str = Field(description="face whose basis functions carry the pressure")
     primary: str = Field(description="face whose normal defines the gap")
-    method: Literal["mortar"] = Field("mortar", description="mortar-KTS")
-    enforcement: Literal["penalty"] = Field("penalty", description="pressure from overlap")
+    method: Literal["mortar", "kts"] = Field(
+        "mortar", description="gaps averaged over control points, or the gap of each quadrature point"
+    )
+    enforcement: Literal["penalty", "augmented-lagrange", "lagrange"] = Field(
+        "penalty", description="pressure from overlap, multiplier updated until none is left, or multiplier as unknown"
+    )
     penalty: Positive | Literal["auto"] = Field("auto", description="pressure per overlap; auto: 10 E/h")
+    multiplier: Literal["p", "p-2"] = Field("p", description="degree of the contact pressure, p that of the face")
+    two_pass: bool = Field(False, strict=True, description="each side is secondary in turn, with half the pressure")
     integration: Literal["segment", "element"] = Field(
         "segment", description="cells cut along the knot lines of both sides, or the secondary's spans"
     )
     points: Count | None = Field(None, description="Gauss points per cell and direction; left out: enough")
+    reach: Positive | None = Field(None, description="largest gap that is looked at [length]; left out: any")
 
     @field_validator("penalty", mode="before")
     @classmethod
@@ -74,12 +81,57 @@ class Contact(Table):
             raise ValueError(f'should be a positive number or "auto", found {value}')
         return value
 
+    @model_validator(mode="after")
+    def _fits_together(self) -> Self:
+        if self.enforcement == "lagrange":
+            if self.method == "kts":
+                raise ValueError(
+                    'method = "kts" has more points than unknowns: use another enforcement than "lagrange"'
+                )
+            if self.two_pass:
+                raise ValueError('two_pass asks twice for the same: use another enforcement than "lagrange"')
+            if self.penalty != "auto":
+                raise ValueError('enforcement = "lagrange" has no penalty: leave it out')
+        if self.method == "kts" and self.multiplier != "p":
+            raise ValueError('method = "kts" has a pressure at each point: leave multiplier out')
+        return self
+
 
 class Newton(Table):
     """When the semismooth Newton iteration ends."""
 
     max_steps: Count = Field(200, description="most Newton steps")
     tolerance: Positive = Field(1e-12, description="largest residual over the largest force, on control points")
+
+
+class Augmentation(Table):
+    """When the updates of the multiplier of augmented Lagrange end."""
+
+    max_steps: Count = Field(200, description="most updates")
+    tolerance: Positive = Field(1e-10, description="largest penetration over the size of the smaller body")
+
+
+class Steps(Table):
+    """Load steps: shares of all loads and prescribed displacements."""
+
+    count: Annotated[int, Field(strict=True, ge=1, le=10000)] | None = Field(None, description="so many equal steps")
+    factors: tuple[Number, ...] | None = Field(None, min_length=1, description="or the share of the loads in each step")
+
+    @model_validator(mode="after")
+    def _one_of_both(self) -> Self:
+        if (self.count is None) == (self.factors is None):
+            raise ValueError("give either count or factors")
+        return self
+
+    @property
+    def several(self) -> bool:
+        """Whether there is more than one step."""
+        return len(self.shares) > 1
+
+    @property
+    def shares(self) -> tuple[float, ...]:
+        """Share of the loads in each step."""
+        return self.factors or tuple((n + 1) / (self.count or 1) for n in range(self.count or 1))
 
 
 class Solve(Table):
@@ -91,6 +143,8 @@ class Solve(Table):
     body_force: tuple[BodyForce, ...] = Field((), description="forces per volume")
     contact: tuple[Contact, ...] = Field((), description="pairs of faces that may touch")
     newton: Newton = Field(Newton(), description="when the iteration ends")
+    augmentation: Augmentation = Field(Augmentation(), description="when the updates of augmented Lagrange end")
+    steps: Steps = Field(Steps(count=1), description="load steps; left out: all at once")
 
     @model_validator(mode="after")
     def _pairs_differ(self) -> Self:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse import csr_array
 
-from geom2iga.bspline import Array
+from geom2iga.bspline import Array, Indices
 from geom2iga.errors import CaseError
 from geom2iga.model import Model
 from geom2iga.patch import Face, Patch, basis, evaluate
@@ -41,21 +41,26 @@ def surface_of(model: Model, face: Face) -> Surface:
     return Surface(face, f'"{name}"', model.surface(face), face.outward)
 
 
-def area_vectors(surface: Surface, xi: Array) -> tuple[Array, Array, Array]:
+def area_vectors(surface: Surface, xi: Array, spans: Indices | None = None) -> tuple[Array, Array, Array]:
     """Evaluate positions and outward normals.
+
+    Parameters
+    ----------
+    spans : (q, 2)
+        Whose polynomial to evaluate, as knot index; left out, the span that holds the point.
 
     Returns
     -------
     points : (q, 3) [length]
     normal : (q, 3)
-        Outward unit normals.
+        Outward unit normals; zero where the tangents span no plane, at the end of an edge without length.
     stretch : (q,)
         Area per parametric area [length²].
     """
-    points, tangents = evaluate(surface.patch, xi, 1)
+    points, tangents = evaluate(surface.patch, xi, 1, spans=spans)
     directed = np.cross(tangents[:, :, 0], tangents[:, :, 1]) * surface.outward
     stretch = np.linalg.norm(directed, axis=1)
-    return points, directed / stretch[:, None], stretch
+    return points, directed / np.where(stretch > 0, stretch, 1.0)[:, None], stretch
 
 
 def find_plane(surface: Surface) -> Plane:
@@ -72,9 +77,15 @@ def find_plane(surface: Surface) -> Plane:
     return Plane(origin, axes[:2], normal)
 
 
-def trace_matrix(space: Space, face: Face, xi: Array) -> csr_array:
-    """Basis functions of a face at its parametric points, (q, n) over all control points."""
-    functions = basis(space.model.surface(face), xi)
+def trace_matrix(space: Space, face: Face, xi: Array, spans: Indices | None = None) -> csr_array:
+    """Basis functions of a face at its parametric points, (q, n) over all control points.
+
+    Parameters
+    ----------
+    spans : (q, 2)
+        Whose polynomials to evaluate, as knot index; left out, those of the span that holds the point.
+    """
+    functions = basis(space.model.surface(face), xi, spans=spans)
     columns = space.face_numbers(face)[functions.indices]
     starts = np.arange(len(xi) + 1) * columns.shape[1]
     return csr_array((functions.values.ravel(), columns.ravel(), starts), shape=(len(xi), space.size))

@@ -13,7 +13,7 @@ from solve.material import Material
 from solve.newton import Status, Step
 from solve.result import ContactResult, Result, State
 
-FORMAT, VERSION = "geom2iga solution", 2
+FORMAT, VERSION = "geom2iga solution", 3
 
 
 def write_result(path: str | Path, result: Result, stamp: str = "") -> None:
@@ -25,32 +25,49 @@ def write_result(path: str | Path, result: Result, stamp: str = "") -> None:
         file.attrs["history"] = json.dumps([asdict(step) for step in result.history])
         put_model(file.create_group("model"), result.model)
         for number, state in enumerate(result.states):
-            _put(file, f"states/{number}", state, ("displacement", "pressure", "active", "load_factor"))
-        for number, contact in enumerate(result.contacts):
-            _put(file, f"contacts/{number}", contact, CONTACT_ARRAYS)
-            file[f"contacts/{number}"].attrs["definition"] = contact.definition.model_dump_json()
+            _put(file, f"states/{number}", state, STATE)
+            for which, contact in enumerate(state.contacts):
+                name = f"states/{number}/contacts/{which}"
+                _put(file, name, contact, CONTACT)
+                file[name].attrs["definition"] = contact.definition.model_dump_json()
 
 
-CONTACT_ARRAYS = ("penalty", "control_points", "control_area", "control_gap", "pressure", "active", "force")
+STATE = ("displacement", "load_factor")
+CONTACT = (
+    "penalty",
+    "rows",
+    "control_area",
+    "centres",
+    "control_gap",
+    "pressure",
+    "active",
+    "force",
+    "moment",
+    "hidden_overlap",
+)
 
 
 def read_result(path: str | Path) -> Result:
     """Read solution.h5; raise CaseError where it is missing or damaged."""
     with opened(Path(path), FORMAT, VERSION) as file:
         states = [file[f"states/{n}"] for n in range(len(file.get("states", ())))]
-        contacts = [file[f"contacts/{n}"] for n in range(len(file.get("contacts", ())))]
         return Result(
             Status[file.attrs["status"]],
             get_model(file["model"]),
             {name: Material(**values) for name, values in json.loads(file.attrs["materials"]).items()},
-            tuple(State(**_get(group, ("displacement", "pressure", "active", "load_factor"))) for group in states),
-            tuple(
-                ContactResult(Contact.model_validate_json(group.attrs["definition"]), **_get(group, CONTACT_ARRAYS))
-                for group in contacts
-            ),
+            tuple(State(**_get(group, STATE), contacts=_contacts(group)) for group in states),
             tuple(Step(**step) for step in json.loads(file.attrs["history"])),
             json.loads(file.attrs["statistics"]),
         )
+
+
+def _contacts(state: Any) -> tuple[ContactResult, ...]:
+    """Read the contacts of a state."""
+    groups = [state[f"contacts/{number}"] for number in range(len(state.get("contacts", ())))]
+    return tuple(
+        ContactResult(Contact.model_validate_json(group.attrs["definition"]), **_get(group, CONTACT))
+        for group in groups
+    )
 
 
 def _put(file: Any, name: str, record: object, fields: tuple[str, ...]) -> None:

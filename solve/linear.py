@@ -1,6 +1,7 @@
 """Direct solvers for symmetric positive definite systems, behind one small interface."""
 
 import weakref
+from collections.abc import Callable
 from importlib.util import find_spec
 from typing import Protocol
 
@@ -8,7 +9,7 @@ import numpy as np
 from scipy.sparse import csc_array, csr_array, csr_matrix, triu
 from scipy.sparse.linalg import splu
 
-from geom2iga.bspline import Array
+from geom2iga.bspline import Array, Mask
 
 REFINEMENTS = 2
 
@@ -95,12 +96,56 @@ def solved(solver: DirectSolver, matrix: csr_array, right: Array) -> Array:
     SingularMatrixError
         The matrix is singular to rounding.
     """
-    if not len(right):
-        return right.copy()
-    solver.factorise(matrix)
-    solution = solver.solve(right)
-    for _ in range(REFINEMENTS):
-        solution = solution + solver.solve(right - matrix @ solution)
-    if not np.all(np.isfinite(solution)):
-        raise SingularMatrixError
-    return solution
+    return Tangents(lambda active: matrix, solver).solved(np.empty(0, dtype=bool), right)
+
+
+class Tangents:
+    """Solves with the tangents of a contact problem, each factorised once for as long as the active set stays.
+
+    Parameters
+    ----------
+    tangent : function
+        From active gaps (m,) bool to the matrix (n, n), symmetric positive definite.
+    solver : DirectSolver
+
+    Attributes
+    ----------
+    factorisations, iterations : int
+        How many there were so far; iterations of conjugate gradients.
+    """
+
+    def __init__(self, tangent: Callable[[Mask], csr_array], solver: DirectSolver) -> None:
+        self._tangent, self.solver = tangent, solver
+        self._factorised: bytes | None = None
+        self.factorisations = self.iterations = 0
+
+    def factorise(self, active: Mask) -> None:
+        """Make ready to solve with a tangent; raise SingularMatrixError where it is singular."""
+        key = active.tobytes()
+        if key == self._factorised:
+            return
+        self._factorised = None
+        self._matrix = self._tangent(active)
+        if self._matrix.shape[0]:
+            self.solver.factorise(self._matrix)
+        self._factorised, self.factorisations = key, self.factorisations + 1
+
+    def solve(self, right: Array) -> Array:
+        """Solve once for a right-hand side (n,) with the last tangent."""
+        return self.solver.solve(right) if len(right) else right.copy()
+
+    def solved(self, active: Mask, right: Array) -> Array:
+        """Factorise, solve for a right-hand side (n,), and refine the solution twice with its residual.
+
+        Raises
+        ------
+        SingularMatrixError
+            The matrix is singular to rounding.
+        """
+        self.factorise(active)
+        solution = self.solve(right)
+        for _ in range(REFINEMENTS):
+            solution = solution + self.solve(right - self._matrix @ solution)
+        if not np.all(np.isfinite(solution)):
+            raise SingularMatrixError
+        return solution

@@ -14,9 +14,6 @@ from solve.face import area_vectors, surface_of, trace_matrix
 from solve.material import named_bodies
 from solve.space import Space, gauss_points, volume_quadrature
 
-SPLIT_FACE = (
-    "an exposed load needs plane faces with straight knot lines on both sides: load the bare part as a face of its own"
-)
 Covers = Sequence[tuple[Contact, tuple[Cells, ...]]]
 
 
@@ -36,8 +33,7 @@ def assemble_loads(space: Space, loads: Sequence[Load], body_forces: Sequence[Bo
     Raises
     ------
     CaseError
-        Unknown faces or bodies; an exposed load on a face that takes part in no contact, or on one or against one that
-        is curved or has curved knot lines.
+        Unknown faces or bodies; an exposed load on a face that takes part in no contact.
     """
     forces = np.zeros((space.size, 3))
     for number, load in enumerate(loads):
@@ -88,7 +84,7 @@ def _covered_load(space: Space, load: Load, covers: Covers) -> Array:
         raise CaseError(f'exposed = true, but "{load.on}" takes part in no contact: leave it out')
     for contact, cells in partners:
         exact = contact.model_copy(update={"integration": "segment", "points": None})
-        for part in cells if contact == exact else find_cells(space.model, exact, SPLIT_FACE):
+        for part in cells if contact == exact else find_cells(space.model, exact):
             pair = frozenset((part.secondary, part.primary))
             if pair in counted:  # either side may be secondary in turn: what is covered counts once
                 continue
@@ -108,6 +104,7 @@ def _cell_load(space: Space, load: Load, cells: Cells, on_secondary: bool) -> Ar
     """The load on one side of some cells, forces (n, 3)."""
     face = cells.secondary if on_secondary else cells.primary
     xi = cells.secondary_xi if on_secondary else cells.primary_xi
+    spans = cells.secondary_spans if on_secondary else cells.primary_spans
     area = cells.area if on_secondary else cells.primary_area
-    _, normal, _ = area_vectors(surface_of(space.model, face), xi)
-    return trace_matrix(space, face, xi).T @ (_traction(load, normal) * area[:, None])
+    _, normal, _ = area_vectors(surface_of(space.model, face), xi, spans)
+    return trace_matrix(space, face, xi, spans).T @ (_traction(load, normal) * area[:, None])

@@ -10,7 +10,7 @@ import numpy as np
 
 from geom2iga.bspline import Array
 from solve.case import Newton
-from solve.linear import DirectSolver, SingularMatrixError, solved
+from solve.linear import SingularMatrixError, Tangents
 from solve.system import System
 
 SETTLED = 1e-8  # largest relative residual at which rounding may end the iteration
@@ -22,6 +22,14 @@ class Status(Enum):
 
     CONVERGED = "converged"
     MAX_STEPS = "no equilibrium within the allowed Newton steps: raise solve.newton.max_steps"
+    PENETRATION = (
+        "the bodies still overlap after the allowed updates of the multiplier: raise the penalty, "
+        "solve.augmentation.tolerance or solve.augmentation.max_steps"
+    )
+    UNSETTLED = (
+        "it stays open which gaps press, as there are more of them than the bodies can follow: lower the penalty, or "
+        'use method = "mortar" in one pass'
+    )
     UNBOUNDED = "a body is pulled off and nothing holds it: check the direction of the loads, or add a support"
     SINGULAR = "the tangent is singular: check that every body is held, and that moduli and penalty are not extreme"
     INACCURATE = (
@@ -33,13 +41,15 @@ class Status(Enum):
 class Step:
     """One Newton step, as seen after it."""
 
-    number: int
+    number: int  # from the start of the analysis
     residual: float  # largest force out of balance, over the largest force
     active: int  # control points with pressure
     changes: int  # control points that opened or closed
     length: float  # fraction of the Newton direction
     energy: float
     seconds: float
+    load_step: int = 1
+    update: int = 0  # of the multiplier
 
 
 class Solution(NamedTuple):
@@ -47,6 +57,7 @@ class Solution(NamedTuple):
 
     status: Status
     free: Array  # (free,)
+    pressure: Array  # (m,)
     history: tuple[Step, ...]
     scale: float  # largest force seen
 
@@ -78,7 +89,11 @@ class Iterate(NamedTuple):
 
 
 def minimise(
-    system: System, settings: Newton, solver: DirectSolver, report: Callable[[Step], None] = lambda step: None
+    system: System,
+    settings: Newton,
+    tangents: Tangents,
+    report: Callable[[Step], None] = lambda step: None,
+    start: Array | None = None,
 ) -> Solution:
     """Minimise the energy.
 
@@ -93,17 +108,19 @@ def minimise(
     ----------
     report : function
         Is told of each step.
+    start : (free,)
+        Where to begin; left out, undeformed, and bodies that contact alone holds are first tied to it.
     """
     history: list[Step] = []
-    at = _iterate(system, np.zeros(len(system.load)))
+    at = _iterate(system, np.zeros(len(system.load)) if start is None else start)
     floating = not system.holds(np.zeros(len(system.area), dtype=bool))
     held, best, seen = not floating, (at, at.residual), set[bytes]()
     try:
         while (status := _verdict(at, history, settings, held)) is None:
             began = time.perf_counter()
-            tied = floating and not history
+            tied = floating and start is None and not history
             held = system.holds(at.gap <= 0)
-            direction = _tied(system, at, solver) if tied else _direction(system, at, held, settings, solver)
+            direction = _tied(system, at, tangents) if tied else _direction(system, at, held, settings, tangents)
             exact = 1.0 if tied else exact_step(system, at.free, direction)
             if not np.isfinite(exact):
                 status = Status.UNBOUNDED
@@ -121,7 +138,7 @@ def minimise(
             report(history[-1])
     except SingularMatrixError:
         status = Status.SINGULAR
-    return Solution(status, at.free, tuple(history), at.largest)
+    return Solution(status, at.free, system.law.pressure(at.gap), tuple(history), at.largest)
 
 
 def _step(before: Iterate, after: Iterate, length: float, number: int, seconds: float) -> Step:
@@ -154,7 +171,7 @@ def _verdict(at: Iterate, history: list[Step], settings: Newton, held: bool) -> 
     return Status.MAX_STEPS if len(history) >= settings.max_steps else None
 
 
-def _direction(system: System, at: Iterate, held: bool, settings: Newton, solver: DirectSolver) -> Array:
+def _direction(system: System, at: Iterate, held: bool, settings: Newton, tangents: Tangents) -> Array:
     """Direction (free,) of the next step: Newton's, or a push along rigid motions that nothing resists yet."""
     active = at.gap <= 0
     if not held:
@@ -163,14 +180,19 @@ def _direction(system: System, at: Iterate, held: bool, settings: Newton, solver
         if np.abs(push).max(initial=0.0) > settings.tolerance * at.largest:
             return push
         active = np.ones_like(active)  # nothing pushes: any springs will do
-    return solved(solver, system.tangent(active), at.residual)
+    return tangents.solved(active, at.residual)
 
 
-def _tied(system: System, at: Iterate, solver: DirectSolver) -> Array:
-    """First step for bodies that contact alone holds: to where every candidate, tied by its penalty, pulls too."""
-    everywhere = np.ones(len(at.gap), dtype=bool)
-    pulling = system.gap_operator.T @ (system.law.stiffness * np.maximum(at.gap, 0.0))
-    return solved(solver, system.tangent(everywhere), at.residual - pulling)
+def _tied(system: System, at: Iterate, tangents: Tangents) -> Array:
+    """First step for bodies that contact alone holds: to where the nearest candidates, tied by their penalty, pull."""
+    nearest = np.argsort(at.gap, kind="stable")
+    count, tied = max(1, system.rigid.shape[1]), np.zeros(len(at.gap), dtype=bool)
+    tied[nearest[:count]] = True
+    while count < len(nearest) and not system.holds(tied):
+        count *= 2
+        tied[nearest[:count]] = True
+    pulling = system.gap_operator.T @ (system.law.stiffness * np.where(tied, np.maximum(at.gap, 0.0), 0.0))
+    return tangents.solved(tied | (at.gap <= 0), at.residual - pulling)
 
 
 def exact_step(system: System, free: Array, direction: Array) -> float:

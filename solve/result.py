@@ -1,6 +1,6 @@
 """What an analysis returns."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -10,10 +10,75 @@ import numpy as np
 from geom2iga.bspline import Array, Indices, Mask
 from geom2iga.errors import CaseError
 from geom2iga.model import Model
+from geom2iga.patch import Face
 from solve.case import Contact
+from solve.contact.pressure import pressure_space
 from solve.material import Material
 from solve.newton import Status, Step
 from solve.space import Space, number_control_points
+
+
+@dataclass(frozen=True, eq=False)
+class ContactResult:
+    """One pass of a contact in one state.
+
+    Parameters
+    ----------
+    definition : Contact
+        Its entry in the case; in a second pass with the sides exchanged.
+    penalty : float
+        [stress/length]; infinite for a Lagrange multiplier.
+    rows : (m,)
+        Which functions of its pressure space have an area of competence; for mortar-KTS global control-point numbers.
+    control_area : (m,)
+        Area of competence [length²].
+    centres : (m, 3)
+        Centres of the areas of competence [length].
+    control_gap : (m,)
+        [length], positive where open.
+    pressure : (m,)
+        Positive in compression, coefficients of the functions.
+    active : (m,) bool
+    force : (3,)
+        On the secondary side, of all passes of the contact.
+    moment : (3,)
+        Of these forces about the origin [force length].
+    hidden_overlap : float
+        Largest overlap of a point where no averaged gap is closed [length]: the mesh is too coarse to see it.
+    """
+
+    definition: Contact
+    penalty: float
+    rows: Indices
+    control_area: Array
+    centres: Array
+    control_gap: Array
+    pressure: Array
+    active: Mask
+    force: Array
+    moment: Array
+    hidden_overlap: float
+
+    @property
+    def area(self) -> float:
+        """Area of competence of the active control points [length²]."""
+        return float(self.control_area[self.active].sum())
+
+    @property
+    def penetration(self) -> float:
+        """Largest overlap of an area of competence [length]."""
+        return float(-self.control_gap.min(initial=0.0)) + 0.0
+
+
+def first_passes(contacts: Sequence[ContactResult]) -> tuple[ContactResult, ...]:
+    """Leave out the second pass of each contact that has one; it comes right after the first."""
+    passes = iter(contacts)
+    found = []
+    for contact in passes:
+        found.append(contact)
+        if contact.definition.two_pass:
+            next(passes)
+    return tuple(found)
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,56 +89,25 @@ class State:
     ----------
     displacement : (n, 3)
         Of all control points [length].
-    pressure : (m,)
-        Of the secondary control points of all contacts, one contact after the other, positive in compression.
-    active : (m,) bool
-        Which of them touch.
+    contacts : tuple of ContactResult
+        One per pass.
     load_factor : float
         Share of the loads.
     """
 
     displacement: Array
-    pressure: Array
-    active: Mask
+    contacts: tuple[ContactResult, ...] = ()
     load_factor: float = 1.0
 
-
-@dataclass(frozen=True, eq=False)
-class ContactResult:
-    """One contact pair in the last state.
-
-    Parameters
-    ----------
-    definition : Contact
-        Its entry in the case.
-    penalty : float
-        [stress/length]
-    control_points : (m,)
-        Global numbers of the secondary control points.
-    control_area : (m,)
-        Area of competence [length²].
-    control_gap : (m,)
-        [length], positive where open.
-    pressure : (m,)
-        Positive in compression; as coefficients of the secondary basis it is the pressure field.
-    active : (m,) bool
-    force : (3,)
-        On the secondary side.
-    """
-
-    definition: Contact
-    penalty: float
-    control_points: Indices
-    control_area: Array
-    control_gap: Array
-    pressure: Array
-    active: Mask
-    force: Array
+    @property
+    def pressure(self) -> Array:
+        """Pressures (m,) of all contacts, one after the other, positive in compression."""
+        return np.concatenate([np.empty(0), *(contact.pressure for contact in self.contacts)])
 
     @property
-    def area(self) -> float:
-        """Area of competence of the active control points [length²]."""
-        return float(self.control_area[self.active].sum())
+    def active(self) -> Mask:
+        """Which of them press, (m,)."""
+        return np.concatenate([np.empty(0, dtype=bool), *(contact.active for contact in self.contacts)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,19 +120,18 @@ class Result:
     model : Model
     materials : body name to Material
     states : tuple of State
-        Converged states; the last is the result.
-    contacts : tuple of ContactResult
+        Of the load steps that converged; the last is the result.
     history : tuple of Step
         Newton steps.
     statistics : mapping
-        dofs, newton_iterations, linear_iterations, linear_solver, strain_energy, equilibrium_error, seconds by phase.
+        dofs, newton_iterations, linear_iterations, factorisations, linear_solver, strain_energy, equilibrium_error,
+        peak_memory [bytes], seconds by phase.
     """
 
     status: Status
     model: Model
     materials: Mapping[str, Material]
     states: tuple[State, ...]
-    contacts: tuple[ContactResult, ...]
     history: tuple[Step, ...]
     statistics: Mapping[str, Any]
 
@@ -107,6 +140,16 @@ class Result:
         """The last state; raises CaseError where the analysis has not converged."""
         self.check_converged()
         return self.states[-1]
+
+    @property
+    def contacts(self) -> tuple[ContactResult, ...]:
+        """The contacts in the last state; none where the analysis has not converged."""
+        return self.states[-1].contacts if self.states else ()
+
+    @property
+    def pairs(self) -> tuple[ContactResult, ...]:
+        """The contacts in the last state as the case names them: of those with two passes the first."""
+        return first_passes(self.contacts)
 
     def check_converged(self) -> None:
         """Raise CaseError where the analysis has not converged."""
@@ -122,13 +165,18 @@ class Result:
         """Displacements (n, 3) of the control points of a patch, in its flat numbering [length]."""
         return self.state.displacement[self.space.numbers[patch]]
 
-    def pressure_field(self, contact: ContactResult) -> Array:
-        """Pressure (n, 1) as coefficients of all control points, zero off the contact."""
-        field = np.zeros((self.space.size, 1))
-        field[contact.control_points, 0] = contact.pressure
-        return field
+    def pressure_at(self, contact: ContactResult, face: Face, xi: Array, spans: Indices | None = None) -> Array:
+        """Evaluate the pressure (q,) of one pass at parametric points (q, 2) of one of its secondary faces.
+
+        Parameters
+        ----------
+        spans : (q, 2)
+            Whose polynomial to evaluate, as knot index; left out, the span that holds the point.
+        """
+        space = pressure_space(self.space, contact.definition, contact.centres)
+        return space.field(face, xi, spans, contact.rows, contact.pressure)
 
     def __repr__(self) -> str:
         newton, dofs = self.statistics["newton_iterations"], self.statistics["dofs"]
-        forces = ", ".join(f"{np.linalg.norm(contact.force):.6g}" for contact in self.contacts) or "none"
+        forces = ", ".join(f"{np.linalg.norm(contact.force):.6g}" for contact in self.pairs) or "none"
         return f"Result({self.status.name}, {dofs} dofs, {newton} Newton steps, contact force {forces})"

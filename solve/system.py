@@ -1,6 +1,6 @@
 """Energy, residual and tangent of the whole problem in its free unknowns."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.sparse import csr_array, diags_array
@@ -35,6 +35,10 @@ class System:
     area: Array
     law: Penalty
     rigid: Array
+
+    def shifted(self, shift: Array) -> "System":
+        """Make every gap smaller by so much (m,) [length]: the springs press before the bodies meet."""
+        return replace(self, initial_gap=self.initial_gap - self.area * shift)
 
     def control_gaps(self, free: Array) -> Array:
         """Control-point gaps (m,) [length], positive where open.                    paper, eq. (25)"""

@@ -1,4 +1,4 @@
-"""Mortar-KTS: normal gaps averaged over the area of competence of each secondary control point."""
+"""Averages of the normal gap over the areas of competence of pressure functions: mortar-KTS and its relatives."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,7 +7,9 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array, vstack
 
 from geom2iga.bspline import Array, Indices
+from solve.case import Contact
 from solve.contact.cells import Cells
+from solve.contact.pressure import points_of, pressure_space
 from solve.face import trace_matrix
 from solve.space import Space
 
@@ -20,23 +22,26 @@ class Mortar:
 
     Parameters
     ----------
-    control_points : (m,)
-        Global numbers of the secondary control points that have an area of competence.
+    rows : (m,)
+        Which functions of the pressure space have an area of competence; for mortar-KTS global control-point numbers.
     gap_operator : (m, dofs)
         G = Σ_q a_q R_A N_q [length²].                                     numerator of paper, eq. (25)
     initial_gap : (m,)
         Σ_q a_q R_A g0_q [length³], positive where open.
     area : (m,)
         A_A = Σ_q a_q R_A [length²].                                                paper, eq. (26)
+    centres : (m, 3)
+        Centres of the areas of competence [length].
     """
 
-    control_points: Indices
+    rows: Indices
     gap_operator: csr_array
     initial_gap: Array
     area: Array
+    centres: Array
 
     def control_gaps(self, displacement: Array) -> Array:
-        """Average the normal gap over each control point's area of competence.       paper, eq. (25)
+        """Average the normal gap over each area of competence.                        paper, eq. (25)
 
         Parameters
         ----------
@@ -51,21 +56,48 @@ class Mortar:
         return (self.gap_operator @ displacement.ravel() + self.initial_gap) / self.area
 
 
-def assemble_mortar(space: Space, cells: Sequence[Cells]) -> Mortar:
-    """Integrate the gap operator, the initial gap and the areas of competence over cells.   paper, eqs. (21)-(26)"""
-    size = space.size
-    operator = csr_array((size, space.dofs))
-    area, gap = np.zeros(size), np.zeros(size)
+def assemble_mortar(space: Space, contact: Contact, cells: Sequence[Cells]) -> Mortar:
+    """Integrate gap operator, initial gap and areas of competence over cells.         paper, eqs. (21)-(26)
+
+    Raises
+    ------
+    CaseError
+        The pressure space that the contact asks for does not exist.
+    """
+    points = points_of(space, cells)
+    pressures = pressure_space(space, contact, points)
+    operator = csr_array((pressures.size, space.dofs))
+    area, gap, first = np.zeros(pressures.size), np.zeros(pressures.size), np.zeros((pressures.size, 3))
+    before = 0
     for part in cells:
-        secondary = trace_matrix(space, part.secondary, part.secondary_xi)
-        weighted = secondary.T.tocsr() * part.area[None, :]
-        difference = secondary - trace_matrix(space, part.primary, part.primary_xi)
+        functions = pressures.functions(part, before)
+        weighted = functions.T.tocsr() * part.area[None, :]
+        secondary = trace_matrix(space, part.secondary, part.secondary_xi, part.secondary_spans)
+        difference = secondary - trace_matrix(space, part.primary, part.primary_xi, part.primary_spans)
         normal_gap = _along(difference.tocoo(), part.normal, space.dofs)  # N_q, eq. (21)
         operator = operator + weighted @ normal_gap
         area += weighted.sum(axis=1)
         gap += weighted @ part.gap
-    control_points = np.flatnonzero(area > NEGLIGIBLE * area.max(initial=0.0))
-    return Mortar(control_points, operator[control_points], gap[control_points], area[control_points])
+        first += weighted @ points[before : before + len(part.area)]
+        before += len(part.area)
+    rows = np.flatnonzero(area > NEGLIGIBLE * area.max(initial=0.0))
+    return Mortar(rows, operator[rows], gap[rows], area[rows], first[rows] / area[rows, None])
+
+
+def deepest_overlap(space: Space, cells: Sequence[Cells], displacement: Array) -> float:
+    """Find the largest overlap of a quadrature point after a displacement (n, 3) [length], zero where there is none."""
+    lowest = 0.0
+    for part in cells:
+        moved = [
+            trace_matrix(space, face, xi, spans) @ displacement
+            for face, xi, spans in (
+                (part.secondary, part.secondary_xi, part.secondary_spans),
+                (part.primary, part.primary_xi, part.primary_spans),
+            )
+        ]
+        gap = np.einsum("qk,qk->q", moved[0] - moved[1], part.normal) + part.gap
+        lowest = min(lowest, float(gap.min(initial=0.0)))
+    return -lowest + 0.0
 
 
 def _along(scalar: coo_array, normal: Array, dofs: int) -> csr_array:
@@ -77,12 +109,14 @@ def _along(scalar: coo_array, normal: Array, dofs: int) -> csr_array:
 
 
 def stacked(mortars: Sequence[Mortar], dofs: int) -> Mortar:
-    """Put the control gaps of several contacts below each other."""
+    """Put the gaps of several contacts below each other."""
     if not mortars:
-        return Mortar(np.empty(0, dtype=np.int64), csr_array((0, dofs)), np.empty(0), np.empty(0))
+        empty = np.empty(0)
+        return Mortar(np.empty(0, dtype=np.int64), csr_array((0, dofs)), empty, empty, np.empty((0, 3)))
     return Mortar(
-        np.concatenate([m.control_points for m in mortars]),
+        np.concatenate([m.rows for m in mortars]),
         vstack([m.gap_operator for m in mortars], format="csr"),
         np.concatenate([m.initial_gap for m in mortars]),
         np.concatenate([m.area for m in mortars]),
+        np.concatenate([m.centres for m in mortars]),
     )

@@ -118,9 +118,10 @@ def test_files_that_the_case_no_longer_asks_for_go_with_it(copy):
 
 
 def test_a_case_that_does_not_converge_leaves_no_summary_of_another(copy, capsys):
-    case = edited(copy, "penalty = 1e5", "penalty = 1e8")
+    case = edited(copy, "penalty = 1e5", 'penalty = 1.0\nenforcement = "augmented-lagrange"')
     path = copy / "case.toml"
-    path.write_text(path.read_text() + "\n[solve.newton]\nmax_steps = 1\n")
+    edited(copy, 'on = "upper/top"\npressure = 1.0', 'on = "upper/top"\ntraction = [0.0, 0.2, -1.0]')
+    path.write_text(path.read_text() + "\n[solve.augmentation]\nmax_steps = 1\n")
     assert main(["-q", case]) == 4
     assert "max_steps" in capsys.readouterr().err
     assert not (copy / "case.out" / "summary.json").exists()

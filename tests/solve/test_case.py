@@ -193,6 +193,79 @@ def test_what_is_allowed_is_accepted(penalty):
     assert solve.solve(MODEL, case).status is solve.Status.CONVERGED
 
 
+@pytest.mark.parametrize(
+    ("values", "names"),
+    [
+        ({"enforcement": "lagrange", "method": "kts"}, ['"kts"', '"lagrange"', "another enforcement"]),
+        ({"enforcement": "lagrange", "two_pass": True}, ["two_pass", '"lagrange"', "another enforcement"]),
+        ({"enforcement": "lagrange", "penalty": 1e5}, ['"lagrange"', "penalty", "leave it out"]),
+        ({"method": "kts", "multiplier": "p-2"}, ['"kts"', "leave multiplier out"]),
+    ],
+)
+def test_contact_options_that_exclude_each_other(values, names):
+    assert_names(complaint(contact(**values)), "solve.contact[0]", *names)
+
+
+@pytest.mark.parametrize("method", ["mortar", "kts"])
+@pytest.mark.parametrize("enforcement", ["penalty", "augmented-lagrange"])
+@pytest.mark.parametrize("multiplier", ["p", "p-2"])
+@pytest.mark.parametrize("two_pass", [False, True])
+def test_all_other_contact_options_go_together(method, enforcement, multiplier, two_pass):
+    if method == "kts":
+        multiplier = "p"
+    values = {"method": method, "enforcement": enforcement, "multiplier": multiplier, "two_pass": two_pass}
+    checked = solve.SolveCase(solve=contact(**values)["solve"])
+    assert checked.solve.contact[0].two_pass is two_pass
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        *(("reach", value) for value in (0, -1.0, NAN, INFINITY, "far", True)),
+        *(("two_pass", value) for value in ("yes", 1, None)),
+        *(("multiplier", value) for value in ("p-1", 2, True)),
+        *(("points", value) for value in (-1, "3", True)),
+    ],
+)
+def test_a_contact_value_of_the_wrong_kind(key, value):
+    assert_names(complaint(contact(**{key: value})), f"solve.contact[0].{key}", str(value))
+
+
+@pytest.mark.parametrize("steps", [{}, {"count": 2, "factors": [0.5, 1.0]}])
+def test_load_steps_with_neither_or_both_of_count_and_factors(steps):
+    assert_names(complaint(changed(steps=steps)), "solve.steps", "either count or factors")
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        *(("count", value) for value in (0, -1, 10001, 2.0, "2", True)),
+        *(("factors", value) for value in ([], [NAN], [INFINITY], ["1"], [True], 1.0)),
+    ],
+)
+def test_load_steps_out_of_range(key, value):
+    assert_names(complaint(changed(steps={key: value})), f"solve.steps.{key}")
+
+
+@pytest.mark.parametrize(
+    ("steps", "shares"),
+    [({"count": 1}, (1.0,)), ({"count": 4}, (0.25, 0.5, 0.75, 1.0)), ({"factors": [1.0, -0.5, 0]}, (1.0, -0.5, 0.0))],
+)
+def test_load_steps_are_equal_shares_or_those_that_are_given(steps, shares):
+    assert solve.case.Steps(**steps).shares == shares
+    assert solve.case.Steps(**steps).several == (len(shares) > 1)
+
+
+@pytest.mark.parametrize(("key", "value"), [("max_steps", 0), ("tolerance", 0.0), ("tolerance", "small")])
+def test_settings_of_the_updates_out_of_range(key, value):
+    assert_names(complaint(changed(augmentation={key: value})), f"solve.augmentation.{key}")
+
+
+def test_the_same_contact_twice():
+    same = {"secondary": "upper/bottom", "primary": "lower/top"}
+    assert_names(complaint(changed(contact=[same, same])), '"upper/bottom"', '"lower/top"', "stands twice")
+
+
 def test_the_case_a_result_was_made_from_is_left_as_it_was():
     case = patch_test_case()
     before = copy.deepcopy(case)

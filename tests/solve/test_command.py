@@ -5,11 +5,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import solve.__main__
 from geom2iga.__main__ import main as geom2iga
-from solve.__main__ import FILE, main
+from solve.__main__ import FILE, STEPS, main
+from solve.files import read_result
 
 CASE = """
 title = "two blocks"
@@ -246,3 +248,89 @@ def test_it_runs_as_a_module():
         [sys.executable, "-m", "solve", "--help"], cwd=root, capture_output=True, text=True, check=True
     )
     assert "iga-solve" in done.stdout
+
+
+STEPPED = """
+[solve.steps]
+factors = [0.25, 0.5, 1.0]
+"""
+
+
+@pytest.fixture
+def stepped(case):
+    """A case of three load steps."""
+    case.write_text(case.read_text() + STEPPED)
+    return case
+
+
+def stop(monkeypatch, error, after=2):
+    """Stop as the load step after some begins: raise an error from what is told of Newton steps."""
+    report = solve.__main__.report_step
+
+    def told(step):
+        if step.load_step > after:
+            raise error
+        report(step)
+
+    monkeypatch.setattr(solve.__main__, "report_step", told)
+
+
+@pytest.mark.parametrize(("error", "code"), [(KeyboardInterrupt(), 130), (ZeroDivisionError("oops"), 1)])
+def test_load_steps_before_an_interruption_are_kept_and_gone_on_from(stepped, capsys, monkeypatch, error, code):
+    main(["-q", str(stepped)])
+    whole = read_result(output(stepped) / FILE)
+    (output(stepped) / FILE).unlink()
+    with monkeypatch.context() as patch:
+        stop(patch, error)
+        assert main([str(stepped)]) == code
+    assert sorted(path.name for path in output(stepped).iterdir()) == ["geometry.h5", "log.txt", STEPS]
+    kept = read_result(output(stepped) / STEPS)
+    assert [state.load_factor for state in kept.states] == [0.25, 0.5]
+    capsys.readouterr()
+    assert main([str(stepped)]) == 0
+    assert "going on after load step 2" in capsys.readouterr().err
+    result = read_result(output(stepped) / FILE)
+    assert [state.load_factor for state in result.states] == [0.25, 0.5, 1.0]
+    assert {step.load_step for step in result.history} == {3}
+    np.testing.assert_array_equal(result.state.displacement, whole.state.displacement)
+    assert sorted(path.name for path in output(stepped).iterdir()) == ["geometry.h5", "log.txt", FILE]
+
+
+def test_a_changed_case_does_not_go_on_from_load_steps_of_another(stepped, capsys, monkeypatch):
+    with monkeypatch.context() as patch:
+        stop(patch, KeyboardInterrupt())
+        main(["-q", str(stepped)])
+    assert (output(stepped) / STEPS).is_file()
+    edit(stepped, "uz = -0.01", "uz = -0.02")
+    assert main([str(stepped)]) == 0
+    assert "going on" not in capsys.readouterr().err
+    assert not (output(stepped) / STEPS).exists()
+    assert {step.load_step for step in read_result(output(stepped) / FILE).history} == {1, 2, 3}
+
+
+def test_a_load_step_that_does_not_converge_is_named_and_those_before_are_kept(stepped, capsys):
+    edit(stepped, "factors = [0.25, 0.5, 1.0]", "factors = [0.0, 1.0]")
+    unfinished(stepped)
+    edit(stepped, "rotate =", "# apart: nothing moves in the first step\norigin = [0.5, 0.5, 1.1]\nrotate =")
+    edit(stepped, "origin = [0.5, 0.5, 1.0]\n", "")
+    edit(stepped, "uz = -0.03", "uz = -0.15")
+    assert geom2iga(["-q", str(stepped)]) == 0
+    capsys.readouterr()
+    assert main([str(stepped)]) == 4
+    message = capsys.readouterr().err
+    assert "load step 2" in message
+    assert "max_steps" in message
+    assert [state.load_factor for state in read_result(output(stepped) / STEPS).states] == [0.0]
+    assert not (output(stepped) / FILE).exists()
+
+
+def test_one_load_step_leaves_no_file_of_steps(case):
+    assert main(["-q", str(case)]) == 0
+    assert not (output(case) / STEPS).exists()
+
+
+def test_the_log_tells_force_moment_and_overlap_of_each_contact(case, capsys):
+    assert main([str(case)]) == 0
+    message = capsys.readouterr().err
+    for word in ("force", "moment", "area", "largest pressure", "overlap", "gaps closed"):
+        assert word in message

@@ -9,7 +9,7 @@ from scipy.sparse import csr_array
 
 from solve.case import Newton
 from solve.contact.laws import Penalty
-from solve.linear import SuperLU
+from solve.linear import SuperLU, Tangents
 from solve.newton import Status, exact_step, minimise
 from solve.system import System
 from tests.cases import contact_system
@@ -17,7 +17,7 @@ from tests.strategies import SEEDS, contact_systems
 
 
 def solved_with(system, **settings):
-    return minimise(system, Newton(**settings), SuperLU())
+    return minimise(system, Newton(**settings), Tangents(system.tangent, SuperLU()))
 
 
 def solution_by_complementarity(system):
@@ -192,7 +192,7 @@ def test_too_few_steps_are_no_convergence():
 def test_the_history_tells_what_each_step_did():
     system = several_steps_needed()
     told = []
-    found = minimise(system, Newton(), SuperLU(), told.append)
+    found = minimise(system, Newton(), Tangents(system.tangent, SuperLU()), told.append)
     assert tuple(told) == found.history
     assert [step.number for step in found.history] == list(range(1, len(found.history) + 1))
     last = found.history[-1]

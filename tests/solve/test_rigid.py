@@ -24,11 +24,11 @@ def held(model, supports, contacts=()):
     """Conditions and stacked mortar of a model, for the checks."""
     space = number_control_points(model)
     entries = [Support(**support) for support in supports]
-    pairs = [find_cells(model, Contact(secondary=s, primary=p)) for s, p in contacts]
+    pairs = [Contact(secondary=s, primary=p) for s, p in contacts]
     return (
         space,
         find_conditions(space, entries),
-        stacked([assemble_mortar(space, cells) for cells in pairs], space.dofs),
+        stacked([assemble_mortar(space, pair, find_cells(model, pair)) for pair in pairs], space.dofs),
     )
 
 

@@ -69,7 +69,7 @@ def test_the_reduced_problem_has_the_energy_and_the_forces_of_the_whole_one(seed
     stiffness, load = csr_array(factor @ factor.T), random.normal(size=dofs)
     area, law = random.uniform(0.5, 2, gaps), Penalty(random.uniform(1, 10, gaps))
     operator = csr_array(random.normal(size=(gaps, dofs)))
-    mortar = Mortar(np.arange(gaps), operator, random.normal(size=gaps), area)
+    mortar = Mortar(np.arange(gaps), operator, random.normal(size=gaps), area, np.zeros((gaps, 3)))
     allowed = AffineMap(csr_array(np.linalg.qr(random.normal(size=(dofs, free)))[0]), random.normal(size=dofs))
     rigid = random.normal(size=(dofs, 1))
     whole = System(stiffness, load, operator, mortar.initial_gap, area, law, rigid)

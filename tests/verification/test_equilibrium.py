@@ -5,10 +5,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from geom2iga.patch import refined
-from solve.analysis import prepare
 from solve.case import Solve
-from solve.contact.mortar import stacked
 from solve.elasticity import assemble_stiffness
+from solve.problem import prepare
 from tests.cases import block_patch, converged, hollow_cylinder, model_of, moved, turned
 from tests.oracles import assert_balanced
 from tests.verification.glued_bodies import glued_model, wall
@@ -76,7 +75,7 @@ def forces_of(model, tables):
     problem = prepare(model, Solve.model_validate(tables["solve"]))
     result = converged(model, tables)
     stiffness = assemble_stiffness(problem.space, result.materials)
-    operator = stacked(problem.mortars, problem.space.dofs).gap_operator
+    operator = problem.mortar.gap_operator
     loads, contact = problem.load, operator.T @ result.state.pressure
     reactions = stiffness @ result.state.displacement.ravel() - loads - contact
     return problem, result, [forces.reshape(-1, 3) for forces in (loads, contact, reactions)]

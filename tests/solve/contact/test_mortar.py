@@ -1,25 +1,29 @@
 import numpy as np
 import pytest
+import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from geom2iga.patch import refined
+from geom2iga.patch import evaluate, refined
 from solve.case import Contact, Load
 from solve.contact.cells import find_cells
 from solve.contact.mortar import assemble_mortar, stacked
 from solve.loads import face_load
 from solve.space import number_control_points
-from tests.cases import block_patch, hollow_cylinder, model_of, outline
+from tests.cases import block_patch, hollow_cylinder, model_of, outline, turned
 from tests.oracles import assert_balanced, assert_rigid_motion_costs_nothing
 from tests.strategies import SEEDS, rotations, stacked_blocks
 
 INTEGRATIONS = st.sampled_from(["segment", "element"])
 
 
-def mortar_of(model, integration="segment", secondary="upper/bottom", primary="lower/top"):
+METHODS = ({}, {"multiplier": "p-2"}, {"method": "kts"})
+
+
+def mortar_of(model, integration="segment", secondary="upper/bottom", primary="lower/top", **values):
     space = number_control_points(model)
-    contact = Contact(secondary=secondary, primary=primary, integration=integration)
-    return space, assemble_mortar(space, find_cells(model, contact))
+    contact = Contact(secondary=secondary, primary=primary, integration=integration, **values)
+    return space, assemble_mortar(space, contact, find_cells(model, contact))
 
 
 @given(st.data(), INTEGRATIONS, st.sampled_from([0.0, 0.1]), rotations())
@@ -62,14 +66,14 @@ def test_areas_of_competence_are_positive_and_add_up_to_the_overlap(model):
     assert mortar.area.sum() == pytest.approx(area, rel=1e-11)
     assert np.all(mortar.area > 0)
     face = space.face_numbers(model.faces("upper/bottom")[0])
-    assert set(mortar.control_points) <= set(face)
+    assert set(mortar.rows) <= set(face)
 
 
 def test_control_points_off_the_overlap_have_no_area_of_competence():
     lower = block_patch("lower", size=(2, 2, 1))
     upper = block_patch("upper", (1, 0.5, 1), size=(3, 1, 1), spans=(3, 1, 1))
     space, mortar = mortar_of(model_of(lower, upper))
-    np.testing.assert_allclose(space.control_points[mortar.control_points][:, 0].max(), 2)
+    np.testing.assert_allclose(space.control_points[mortar.rows][:, 0].max(), 2)
 
 
 @given(stacked_blocks(overhang=False))
@@ -114,14 +118,59 @@ def test_stacked_mortars_keep_their_gaps_one_contact_after_the_other():
     parts = []
     for name in ("one", "two"):
         contact = Contact(secondary=f"{name}/bottom", primary="lower/top")
-        parts.append(assemble_mortar(space, find_cells(space.model, contact)))
+        parts.append(assemble_mortar(space, contact, find_cells(space.model, contact)))
     both = stacked(parts, space.dofs)
     displacement = np.random.default_rng(0).normal(size=(space.size, 3))
     expected = np.concatenate([part.control_gaps(displacement) for part in parts])
     np.testing.assert_array_equal(both.control_gaps(displacement), expected)
-    np.testing.assert_array_equal(both.control_points, np.concatenate([part.control_points for part in parts]))
+    np.testing.assert_array_equal(both.rows, np.concatenate([part.rows for part in parts]))
 
 
 def test_no_contact_at_all_has_no_gaps():
     mortar = stacked([], 24)
     assert mortar.control_gaps(np.zeros((8, 3))).shape == (0,)
+
+
+@given(stacked_blocks(height=0.1), rotations())
+def test_all_pressure_spaces_add_up_to_the_same_forces_gap_and_area(model, turn):
+    """Each is a partition of unity, so that one uniform pressure is the same for all."""
+    model = model_of(*(turned(patch, turn) for patch in model.patches.values()))
+    smooth = min(model.patches["upper"].degrees) >= 2
+    one, *others = [mortar_of(model, **v)[1] for v in METHODS if smooth or v != METHODS[1]]
+    for other in others:
+        sums = [abs(m.gap_operator).max() * len(m.area) for m in (one, other)]
+        difference = one.gap_operator.sum(axis=0) - other.gap_operator.sum(axis=0)
+        assert np.abs(difference).max() <= 1e-12 * max(sums)
+        assert other.area.sum() == pytest.approx(one.area.sum(), rel=1e-12)
+        assert other.initial_gap.sum() == pytest.approx(one.initial_gap.sum(), rel=1e-11)
+        moments = [m.area @ m.centres for m in (one, other)]
+        np.testing.assert_allclose(*moments, rtol=0, atol=1e-11 * (1 + one.area.sum()))
+
+
+@pytest.mark.parametrize("values", METHODS)
+@given(data=st.data())
+def test_areas_of_competence_lie_about_their_centres_in_the_overlap(values, data):
+    model = data.draw(stacked_blocks())
+    if "multiplier" in values and min(model.patches["upper"].degrees) < 2:
+        return
+    _, mortar = mortar_of(model, **values)
+    overlap = outline(model, "upper/bottom").intersection(outline(model, "lower/top"))
+    np.testing.assert_allclose(mortar.centres[:, 2], 1, rtol=0, atol=1e-12)
+    assert all(overlap.distance(shapely.Point(centre[:2])) < 1e-9 for centre in mortar.centres)
+    centroid = mortar.area @ mortar.centres / mortar.area.sum()
+    np.testing.assert_allclose(centroid[:2], overlap.centroid.coords[0], rtol=0, atol=1e-9)
+
+
+@given(stacked_blocks(overhang=False))
+def test_the_pressure_of_each_quadrature_point_acts_on_its_own_area(model):
+    space, mortar = mortar_of(model, method="kts")
+    (part,) = find_cells(model, Contact(secondary="upper/bottom", primary="lower/top"))
+    np.testing.assert_allclose(mortar.area, part.area[mortar.rows], rtol=1e-12)
+    displacement = np.random.default_rng(0).normal(size=(space.size, 3))
+    (secondary,), (primary,) = model.faces("upper/bottom"), model.faces("lower/top")
+    moved = [
+        evaluate(model.surface(face), xi, 0, displacement[space.face_numbers(face)])[0]
+        for face, xi in ((secondary, part.secondary_xi), (primary, part.primary_xi))
+    ]
+    gap = part.gap + np.einsum("qk,qk->q", moved[0] - moved[1], part.normal)
+    np.testing.assert_allclose(mortar.control_gaps(displacement), gap[mortar.rows], rtol=0, atol=1e-12)

@@ -1,17 +1,47 @@
 import numpy as np
-import shapely
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from solve.contact.search import find_span_pairs
-from tests.strategies import SEEDS, rotations
+from geom2iga.patch import refined
+from solve.contact.search import find_box_pairs, find_opposite, spans_of
+from solve.face import surface_of
+from tests.cases import block_patch, model_of
+from tests.strategies import SEEDS
 
 
-@given(SEEDS, st.integers(1, 12), st.integers(1, 12), rotations())
-def test_the_pairs_are_those_whose_outlines_meet_each_once_and_in_sequence(seed, secondary, primary, turn):
+@given(SEEDS, st.integers(0, 12), st.integers(1, 12))
+def test_the_pairs_are_those_whose_boxes_meet_each_once_and_in_sequence(seed, count, other_count):
     random = np.random.default_rng(seed)
-    square = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]]) @ turn.as_matrix()[:2, :2]
-    outlines = [square + 2 * random.normal(size=(count, 1, 2)) for count in (secondary, primary)]
-    shapes = [[shapely.Polygon(corners) for corners in side] for side in outlines]
-    expected = [(i, j) for i, s in enumerate(shapes[0]) for j, m in enumerate(shapes[1]) if s.intersects(m)]
-    assert list(zip(*find_span_pairs(*outlines), strict=True)) == expected
+    low, other_low = random.integers(0, 6, (count, 2)) / 2, random.integers(0, 6, (other_count, 2)) / 2
+    high, other_high = low + random.integers(0, 3, (count, 2)), other_low + random.integers(0, 3, (other_count, 2))
+    meet = np.all((low[:, None] <= other_high) & (other_low <= high[:, None]), axis=2)
+    found = find_box_pairs(low, high, other_low, other_high)
+    np.testing.assert_array_equal(np.stack(found), np.stack(np.nonzero(meet)))
+
+
+def test_the_spans_of_a_face_are_listed_with_their_knot_indices():
+    patch = block_patch(degree=(2, 1, 1), spans=(2, 1, 1))
+    spans = spans_of(model_of(refined(patch, knots=[[0.5], [], []])).surface(model_of(patch).faces("block/top")[0]))
+    np.testing.assert_array_equal(spans.low, [[0, 0], [0.5, 0]])
+    np.testing.assert_array_equal(spans.high, [[0.5, 1], [1, 1]])
+    np.testing.assert_array_equal(spans.numbers, [[2, 1], [4, 1]])
+
+
+@pytest.mark.parametrize(("reach", "spans"), [(None, 4), (13, 4), (9, 3), (5, 2), (0.05, 1)])
+def test_spans_that_are_farther_away_than_the_reach_are_left_out(reach, spans):
+    lower, upper = block_patch("lower", size=(4, 1, 1)), block_patch("upper", (0, 0, 1), (4, 1, 1), spans=(4, 1, 1))
+    points = upper.control_points.copy()
+    points[..., 2] += 4 * points[..., 0]
+    model = model_of(lower, type(upper)(upper.name, upper.degrees, upper.knots, points))
+    sides = [surface_of(model, model.faces(name)[0]) for name in ("upper/bottom", "lower/top")]
+    opposite = find_opposite(*sides, reach)
+    assert len(opposite.low) == len(opposite.high) == spans
+
+
+def test_faces_that_look_the_same_way_are_nowhere_opposite():
+    model = model_of(block_patch("lower"), block_patch("upper", (0, 0, 1)))
+    sides = [surface_of(model, model.faces(name)[0]) for name in ("upper/top", "lower/top")]
+    opposite = find_opposite(*sides)
+    assert not len(opposite.low)
+    assert not len(opposite.feet)

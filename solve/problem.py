@@ -1,0 +1,104 @@
+"""Everything that an analysis solves with: space, contacts, supports and loads of a case on a model."""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from geom2iga.bspline import Array
+from geom2iga.errors import CaseError
+from geom2iga.model import Model
+from solve.case import Contact, Solve
+from solve.constraints import AffineMap, constrain, find_conditions
+from solve.contact.cells import Cells, find_cells
+from solve.contact.laws import Law, find_law, find_penalty, joined, stiffness_scale
+from solve.contact.mortar import Mortar, assemble_mortar, stacked
+from solve.loads import assemble_loads
+from solve.material import Material, find_materials
+from solve.rigid import check_held, check_pressed, rigid_modes, unsupported
+from solve.space import Space, check_right_handed, number_control_points
+
+
+class Pass(NamedTuple):
+    """One side of a contact as the secondary one; a contact has one pass, or two."""
+
+    number: int  # of the contact in the case
+    definition: Contact  # with the sides of this pass
+    cells: tuple[Cells, ...]
+    mortar: Mortar
+    penalty: float  # [stress/length]
+    law: Law
+
+
+class Problem(NamedTuple):
+    """Everything the solver needs, in all degrees of freedom."""
+
+    case: Solve
+    space: Space
+    materials: Mapping[str, Material]
+    passes: tuple[Pass, ...]
+    allowed: AffineMap
+    load: Array  # (dofs,)
+    rigid: Array  # (dofs, k)
+
+    @property
+    def mortar(self) -> Mortar:
+        """The gaps of all passes below each other."""
+        return stacked([part.mortar for part in self.passes], self.space.dofs)
+
+    @property
+    def law(self) -> Law:
+        """The laws of all passes below each other."""
+        return joined([part.law for part in self.passes])
+
+    @property
+    def size(self) -> float:
+        """Diagonal of the box around the smallest body [length]."""
+        points = self.space.control_points
+        boxes = (np.ptp(points[self.space.body_numbers(body)], axis=0) for body in self.space.model.bodies)
+        return min(float(np.linalg.norm(box)) for box in boxes)
+
+
+def prepare(model: Model, case: Solve) -> Problem:
+    """Find cells, loads and supports of a case and check that every body is held.
+
+    Raises
+    ------
+    CaseError
+        The case does not fit the model, or a body can move freely.
+    GeometryError
+        A patch is left-handed.
+    """
+    check_right_handed(model)
+    space = number_control_points(model)
+    materials = find_materials(model, case)
+    passes: list[Pass] = []
+    for number, contact in enumerate(case.contact):
+        try:
+            passes.extend(_passes(space, materials, number, contact))
+        except CaseError as error:
+            raise CaseError(f"solve.contact[{number}]: {error}") from None
+    conditions = find_conditions(space, case.support)
+    allowed = constrain(space, conditions, case.support)
+    mortar = stacked([part.mortar for part in passes], space.dofs)
+    check_held(space, conditions, mortar)
+    covers = [(part.definition, part.cells) for part in passes]
+    load = assemble_loads(space, case.load, case.body_force, covers).ravel()
+    rigid = unsupported(rigid_modes(space), conditions)
+    check_pressed(space, rigid, mortar, load)
+    return Problem(case, space, materials, tuple(passes), allowed, load, rigid)
+
+
+def _passes(space: Space, materials: Mapping[str, Material], number: int, contact: Contact) -> list[Pass]:
+    """Integrate a contact, in two passes with springs of half the stiffness where it asks for them."""
+    sides = {"secondary": contact.primary, "primary": contact.secondary}
+    definitions = [contact, contact.model_copy(update=sides)] if contact.two_pass else [contact]
+    passes = []
+    for definition in definitions:
+        cells = find_cells(space.model, definition)
+        mortar = assemble_mortar(space, definition, cells)
+        scale = stiffness_scale(space, definition, materials)
+        share = 1 / len(definitions)
+        law = find_law(definition, len(mortar.area), scale, share)
+        passes.append(Pass(number, definition, cells, mortar, find_penalty(definition, scale, share), law))
+    return passes
