@@ -72,7 +72,8 @@ def describe(contact: ContactResult) -> str:
     return (
         f'contact of "{contact.definition.secondary}" with "{contact.definition.primary}": force ({force}), '
         f"moment ({moment}), area {contact.area:.6g}, "
-        f"largest control pressure {contact.pressure.max(initial=0.0):.6g}, overlap {contact.penetration:.3g}, {contact.active.sum()} of {len(contact.active)} gaps closed"
+        f"largest control pressure {contact.pressure.max(initial=0.0):.6g}, overlap {contact.penetration:.3g}, "
+        f"{contact.active.sum()} of {len(contact.active)} gaps closed"
     )
 
 
