@@ -3,6 +3,7 @@ import json
 import shutil
 import sys
 
+import numpy as np
 import pytest
 
 import geom2iga
@@ -246,3 +247,19 @@ def test_a_body_without_contact_is_exported_too(tmp_path):
     summary = post.export(result, case, tmp_path)
     assert summary["contact"] == []
     assert "contact.vtu" not in summary["files"]
+
+
+def test_load_steps_have_a_table_and_a_picture(copy):
+    factors = [0.25, 0.5, 1.0]
+    path = edited(copy, "[[solve.contact]]", f"[solve.steps]\nfactors = {factors}\n\n[[solve.contact]]")
+    assert main(["-q", path]) == 0
+    folder = copy / "case.out"
+    with open(folder / "load_steps.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [float(row["load_factor"]) for row in rows] == factors
+    np.testing.assert_allclose([float(row["force_z"]) for row in rows], factors, rtol=1e-9)
+    np.testing.assert_allclose([float(row["penetration"]) for row in rows], np.multiply(factors, 1e-5), rtol=1e-6)
+    found = json.loads((folder / "summary.json").read_text())
+    assert [step["load_factor"] for step in found["load_steps"]] == factors
+    assert {"load_steps.csv", "load_steps.png"} <= set(found["files"])
+    assert not (folder / "steps.h5").exists()

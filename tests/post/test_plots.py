@@ -4,6 +4,8 @@ import matplotlib.image
 import numpy as np
 import pytest
 
+import geom2iga
+import solve
 from geom2iga import UserError
 from geom2iga.picture import scene
 from post import plots
@@ -88,3 +90,11 @@ def test_missing_drawing_libraries_are_named(monkeypatch):
     monkeypatch.setattr(ctypes, "CDLL", missing)
     with pytest.raises(UserError, match=r"libegl1.*or draw nothing"):
         scene.check_renderer("draw nothing")
+
+
+def test_the_force_of_each_contact_is_drawn_over_the_share_of_the_loads(case):
+    stepped = case.changed({"solve.steps": {"factors": [0.2, 0.6, 1.0]}})
+    result = solve.solve(geom2iga.build(stepped), stepped)
+    (line,) = plots.draw_load_steps(result, "F").axes[0].lines
+    np.testing.assert_allclose(line.get_xdata(), [0.2, 0.6, 1.0])
+    np.testing.assert_allclose(line.get_ydata(), [0.2, 0.6, 1.0], rtol=1e-9)

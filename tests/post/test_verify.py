@@ -1,8 +1,11 @@
 import pytest
 
+import geom2iga
+import solve
 from geom2iga import CaseError
 from post import verify
 from post.exact import StackedBlocks
+from post.summary import summarise
 
 
 def entry(**values):
@@ -17,7 +20,12 @@ def entry(**values):
         ("stress_xy", "upper/top", 0.0),
         ("von_mises", "upper", 1.0),
         ("pressure", None, 1.0),
+        ("pressure_max", None, 1.0),
+        ("gap", None, -1e-5),
+        ("penetration", None, 1e-5),
+        ("contact_area", None, 1.0),
         ("contact_force", "upper/bottom", [0.0, 0.0, 1.0]),
+        ("contact_moment", None, [1.0, -1.0, 0.0]),  # the force acts at (1, 1)
     ],
 )
 def test_the_patch_test_shows_every_quantity_of_the_exact_solution(patch_test, quantity, on, value):
@@ -35,10 +43,16 @@ def test_the_blocks_settle_by_hooke_and_by_the_overlap(patch_test, height):
     assert check.passed
 
 
-def test_a_result_that_has_not_converged_has_nothing_to_verify(bent_case):
-    import geom2iga
-    import solve
+def test_of_two_passes_the_first_has_the_whole_force_and_pressure(case):
+    twice = case.changed({"solve.contact.0.two_pass": True})
+    result = solve.solve(geom2iga.build(twice), twice)
+    for quantity, value in (("contact_force", [0.0, 0.0, 1.0]), ("pressure", 1.0), ("pressure_max", 1.0)):
+        (check,) = verify(result, entry(quantity=quantity, value=value))
+        assert check.passed
+    assert len(summarise(result, (), 2)["contact"]) == 1
 
+
+def test_a_result_that_has_not_converged_has_nothing_to_verify(bent_case):
     soft = {"solve.contact.0.penalty": 1.0, "solve.contact.0.enforcement": "augmented-lagrange"}
     stopped = bent_case.changed({**soft, "solve.augmentation": {"max_steps": 1}})
     result = solve.solve(geom2iga.build(stopped), stopped)
