@@ -1,13 +1,20 @@
 """Contact pressure over a distance, and how far it is from Hertz."""
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
+import solve
 from geom2iga.bspline import Array
+from geom2iga.build import build
+from geom2iga.picture import scene
+from geom2iga.tables import Source, checked
+from post.case import PostCase
 from post.exact import Hertz
 from post.fields import sample_contact
+from post.plots import draw_profile
 from solve.result import Result
 
 SAMPLES = 6  # per span and direction
@@ -48,3 +55,39 @@ def pressure_profile(result: Result, distance: Callable[[Array], Array]) -> Prof
     return Profile(
         np.concatenate([distance(part.points) for part in parts]), np.concatenate([part.pressure for part in parts])
     )
+
+
+def radius(points: Array) -> Array:
+    """Distances (q,) of points (q, 3) from the z axis [length]."""
+    return np.hypot(points[:, 0], points[:, 1])
+
+
+def compare_with_hertz(
+    source: Source, exact: Hertz, distance: Callable[[Array], Array] = radius, picture: str | Path | None = None
+) -> dict[str, float]:
+    """Solve a case, print how far its contact pressure is from Hertz, and draw it where a picture is named.
+
+    Parameters
+    ----------
+    source : path, dict or Case
+    exact : Hertz
+    distance :
+        As of `pressure_profile`.
+    picture : path
+        PNG file to write.
+
+    Returns
+    -------
+    dict
+        As `Profile.errors` has it.
+    """
+    result = solve.solve(build(source), source)
+    profile = pressure_profile(result, distance)
+    errors = profile.errors(exact)
+    print(result, *(f"{key}: {100 * error:+.2f} %" for key, error in errors.items()), sep="\n")
+    if picture:
+        units = checked(source, PostCase).units
+        near = profile.within(1.5 * exact.reach)
+        stress = f"{units.force}/{units.length}²" if units.length and units.force else ""
+        scene.save(draw_profile(*near, exact.pressure, units.length, stress), Path(picture))
+    return errors

@@ -3,29 +3,15 @@
 import sys
 from pathlib import Path
 
-import numpy as np
-
-import geom2iga
-import solve
-from geom2iga.picture import scene
 from post.exact import HertzSpheres
-from post.plots import draw_profile
-from post.profile import pressure_profile
+from post.profile import compare_with_hertz
 
 EXACT = HertzSpheres(force=117808.787, radii=(6.1237, 6.1237), young=(1e6, 1e8), poisson=(0.29, 0.29))
 
 
 def main(picture: str | None = None) -> dict[str, float]:
-    """Return the relative errors of pressure and contact radius; save the picture where it is named."""
-    case = geom2iga.read_case(Path(__file__).with_name("case.toml"))
-    result = solve.solve(geom2iga.build(case), case)
-    profile = pressure_profile(result, lambda points: np.hypot(*points[:, :2].T))
-    errors = profile.errors(EXACT)
-    print(result, *(f"{key}: {100 * error:+.2f} %" for key, error in errors.items()), sep="\n")
-    if picture:
-        near = profile.within(1.5 * EXACT.reach)
-        scene.save(draw_profile(*near, EXACT.pressure, "m", "N/m²"), Path(picture))
-    return errors
+    """Return the relative errors of pressure and reach of contact; save the picture where it is named."""
+    return compare_with_hertz(Path(__file__).with_name("case.toml"), EXACT, picture=picture)
 
 
 if __name__ == "__main__":
