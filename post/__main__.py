@@ -48,6 +48,10 @@ def run(case: Case, folder: Path, stamp: str) -> None:
     for name in before.difference(found["files"]):
         (folder / name).unlink(missing_ok=True)
     log.info("iga-post: %d files in %s, %.2f s", len(found["files"]) + 1, folder, time.perf_counter() - began)
+    for contact in found["contact"]:
+        gap = "none" if contact["gap_min"] is None else f"{contact['gap_min']:.3g}"
+        names = contact["secondary"], contact["primary"]
+        log.info('iga-post: "%s" on "%s": largest pressure %.6g, smallest gap %s', *names, contact["pressure_max"], gap)
     missed = [check for check in found["verify"] if not check["passed"]]
     for check in found["verify"]:
         log.info(

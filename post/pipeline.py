@@ -1,13 +1,28 @@
 """The command iga-run: all three stages in a row."""
 
 from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
 
 from geom2iga import __main__ as geometry
+from geom2iga.files import read_model
 from geom2iga.stage import run_command
+from geom2iga.tables import Case, checked
 from post import __main__ as post
+from post.case import PostCase
+from post.verify import check_names
 from solve import __main__ as solution
+from solve.case import SolveCase
 
-STAGES = (geometry.STAGE, solution.STAGE, post.STAGE)
+
+def solve_what_can_be_verified(case: Case, folder: Path, stamp: str) -> None:
+    """Solve, but first check that what is to be verified exists."""
+    model, contacts = read_model(folder / geometry.FILE), checked(case, SolveCase).solve.contact
+    check_names(model, contacts, checked(case, PostCase).verify)
+    solution.run(case, folder, stamp)
+
+
+STAGES = (geometry.STAGE, replace(solution.STAGE, run=solve_what_can_be_verified), post.STAGE)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -13,7 +13,7 @@ from geom2iga.files import replacing
 from post.fields import sample_contact, sample_patch
 from post.verify import Check
 from solve.newton import Step
-from solve.result import ContactResult, Result, first_passes
+from solve.result import Result, carried, first_passes
 
 
 def summarise(result: Result, checks: Sequence[Check], samples: int) -> dict[str, Any]:
@@ -48,24 +48,14 @@ def _contacts(result: Result, samples: int) -> Iterator[dict[str, Any]]:
         parts = sample_contact(result, contact, samples)
         gaps = np.concatenate([part.gap for part in parts])
         yield {
-            **contact.definition.model_dump(include={"secondary", "primary", "method", "enforcement"}),
             **carried(contact),
+            "method": contact.definition.method,
+            "enforcement": contact.definition.enforcement,
             "pressure_max": max(float(part.pressure.max()) for part in parts),
             "gap_min": None if np.isnan(gaps).all() else float(np.nanmin(gaps)),
+            "warnings": list(contact.warnings),
             "penalty": contact.penalty if np.isfinite(contact.penalty) else None,
         }
-
-
-def carried(contact: ContactResult) -> dict[str, Any]:
-    """What a contact carries: force on its secondary side, moment about the origin, area, overlap, closed gaps."""
-    return {
-        "force": contact.force.tolist(),
-        "moment": contact.moment.tolist(),
-        "area": contact.area,
-        "penetration": contact.penetration,
-        "active": int(contact.active.sum()),
-        "candidates": len(contact.active),
-    }
 
 
 def load_steps(result: Result) -> list[dict[str, Any]]:
@@ -93,14 +83,14 @@ def write_load_steps(path: Path, result: Result) -> None:
         {
             "load_step": number,
             "load_factor": step["load_factor"],
-            "secondary": contact.definition.secondary,
-            "primary": contact.definition.primary,
+            "secondary": values["secondary"],
+            "primary": values["primary"],
             **{f"force_{axis}": value for axis, value in zip("xyz", values["force"], strict=True)},
             **{f"moment_{axis}": value for axis, value in zip("xyz", values["moment"], strict=True)},
             **{key: values[key] for key in ("area", "penetration", "active", "candidates")},
         }
         for number, step in enumerate(load_steps(result), start=1)
-        for contact, values in zip(result.pairs, step["contact"], strict=True)
+        for values in step["contact"]
     ]
     _write_rows(path, list(rows[0]) if rows else ["load_step"], rows)
 

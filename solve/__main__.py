@@ -16,7 +16,7 @@ from solve.case import SolveCase
 from solve.files import FORMAT, VERSION, read_result, write_result
 from solve.newton import Status, Step
 from solve.problem import prepare
-from solve.result import ContactResult
+from solve.result import ContactResult, Result, carried
 
 FILE, STEPS = "solution.h5", "steps.h5"
 
@@ -43,10 +43,15 @@ def run(case: Case, folder: Path, stamp: str) -> None:
     """
     began = time.perf_counter()
     model, steps = read_model(folder / geometry.FILE), folder / STEPS
-    before = read_result(steps).states if read_stamp(steps, FORMAT, VERSION) == stamp else ()
+    before = _steps_so_far(steps, stamp)
     if before:
-        log.info("iga-solve: going on after load step %d", len(before))
-    result = solve(model, case, report_step, lambda so_far: write_result(steps, so_far, stamp), before)
+        log.info("iga-solve: going on after load step %d", len(before.states))
+    try:
+        result = solve(model, case, report_step, lambda so_far: write_result(steps, so_far, stamp), before)
+    except KeyboardInterrupt:
+        if _steps_so_far(steps, stamp):
+            log.info("iga-solve: the load steps so far are kept, run again to go on")
+        raise
     discard(folder)
     if result.status is not Status.CONVERGED:
         where = f"load step {len(result.states) + 1}: " if checked(case, SolveCase).solve.steps.several else ""
@@ -55,15 +60,22 @@ def run(case: Case, folder: Path, stamp: str) -> None:
     steps.unlink(missing_ok=True)
     for contact in result.pairs:
         log.info("iga-solve: %s", describe(contact))
-        if contact.hidden_overlap > 0:
-            log.warning(
-                'iga-solve: warning: "%s" and "%s" overlap by up to %.3g, but no averaged gap is closed: '
-                "refine the secondary side there, or exchange the sides",
-                *(contact.definition.secondary, contact.definition.primary, contact.hidden_overlap),
-            )
+        for warning in contact.warnings:
+            names = contact.definition.secondary, contact.definition.primary
+            log.warning('iga-solve: warning: contact of "%s" with "%s": %s', *names, warning)
     statistics = result.statistics
     log.debug("iga-solve: %s, seconds %s", statistics["linear_solver"], statistics["seconds"])
     log.info("iga-solve: converged, %d unknowns, %.2f s", statistics["dofs"], time.perf_counter() - began)
+
+
+def _steps_so_far(path: Path, stamp: str) -> Result | None:
+    """Read the load steps of an analysis of the same case that was cut off; None where there are none."""
+    if read_stamp(path, FORMAT, VERSION) != stamp:
+        return None
+    try:
+        return read_result(path)
+    except CaseError:  # damaged: begin anew
+        return None
 
 
 def describe(contact: ContactResult) -> str:
@@ -71,8 +83,7 @@ def describe(contact: ContactResult) -> str:
     force, moment = (", ".join(f"{component:.6g}" for component in v + 0.0) for v in (contact.force, contact.moment))
     return (
         f'contact of "{contact.definition.secondary}" with "{contact.definition.primary}": force ({force}), '
-        f"moment ({moment}), area {contact.area:.6g}, "
-        f"largest control pressure {contact.pressure.max(initial=0.0):.6g}, overlap {contact.penetration:.3g}, "
+        f"moment ({moment}), area {contact.area:.6g}, overlap {contact.penetration:.3g}, "
         f"{contact.active.sum()} of {len(contact.active)} gaps closed"
     )
 
@@ -95,7 +106,7 @@ def summary(folder: Path) -> Mapping[str, Any]:
     return {
         "status": result.status.value,
         **result.statistics,
-        "contact": [{"force": list(c.force), "area": c.area, "active": int(c.active.sum())} for c in result.pairs],
+        "contact": [carried(contact) for contact in result.pairs],
     }
 
 

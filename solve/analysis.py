@@ -15,7 +15,7 @@ from geom2iga.model import Model
 from geom2iga.tables import Source, checked
 from geom2iga.threads import one_blas_thread
 from solve.case import SolveCase
-from solve.contact.mortar import deepest_overlap
+from solve.contact.mortar import point_gaps
 from solve.elasticity import assemble_stiffness
 from solve.equilibrium import Settings, Start, find_equilibrium
 from solve.linear import Tangents, direct_solver
@@ -24,6 +24,8 @@ from solve.problem import Pass, Problem, prepare
 from solve.result import ContactResult, Result, State
 from solve.system import System, reduced_system
 
+HIDDEN = 0.3  # overlaps of points above this fraction of how far the bodies came closer are worth a word
+DEEP = 0.1  # overlaps above this fraction of the smallest body are
 TOUCHING = 1e-9  # overlaps below this fraction of the smallest body are rounding errors
 
 Report = Callable[[Step], None]
@@ -35,7 +37,7 @@ def solve(
     source: Source,
     report: Report = lambda step: None,
     keep: Keep = lambda result: None,
-    before: Sequence[State] = (),
+    before: Result | None = None,
 ) -> Result:
     """Solve the contact problem of a case on a model, load step by load step.
 
@@ -46,8 +48,8 @@ def solve(
         Is told of each Newton step.
     keep : function
         Is given the result so far after each load step but the last.
-    before : sequence of State
-        States of the first load steps, of an analysis of the same case that was cut off.
+    before : Result
+        The first load steps, of an analysis of the same case that was cut off.
 
     Returns
     -------
@@ -68,7 +70,7 @@ def solve(
             problem = prepare(model, case)
         with clock.phase("assembly"):
             assembled = _assemble(problem)
-        return _follow(problem, assembled, clock, report, keep, list(before))
+        return _follow(problem, assembled, clock, report, keep, before)
 
 
 class Assembled(NamedTuple):
@@ -96,19 +98,21 @@ def _assemble(problem: Problem) -> Assembled:
 
 
 def _follow(
-    problem: Problem, assembled: Assembled, clock: "Clock", report: Report, keep: Keep, states: list[State]
+    problem: Problem, assembled: Assembled, clock: "Clock", report: Report, keep: Keep, before: Result | None
 ) -> Result:
     """Go through the load steps, each from the state before."""
     settings = Settings(problem.case.newton, problem.case.augmentation, problem.size)
     shares = problem.case.steps.shares
-    history: list[Step] = []
-    status, error = Status.CONVERGED, 0.0
+    states = list(before.states) if before else []
+    history = [step for step in before.history if step.load_step <= len(states)] if before else []
+    status, unbalanced, forces = Status.CONVERGED, 0.0, 0.0
 
     def told(step: Step) -> None:
         history.append(replace(step, number=len(history) + 1, load_step=len(states) + 1))
         report(history[-1])
 
     def result() -> Result:
+        error = unbalanced / forces if forces else unbalanced
         statistics = _statistics(assembled, clock, history, states, error)
         return Result(status, problem.space.model, problem.materials, tuple(states), tuple(history), statistics)
 
@@ -120,7 +124,8 @@ def _follow(
         status = solution.status
         if status is Status.CONVERGED:
             states.append(_state(problem, shares[len(states)], solution))
-            error = max(error, _equilibrium_error(problem, system, solution))
+            found = _unbalanced(problem, system, solution)
+            unbalanced, forces = max(unbalanced, found[0]), max(forces, found[1])
             if len(states) < len(shares):
                 keep(result())
     return result()
@@ -159,16 +164,30 @@ def _contact_results(problem: Problem, displacement: Array, pressures: Sequence[
             pressure > 0,
             on_points.sum(axis=0),
             np.cross(points, on_points).sum(axis=0),
-            _hidden_overlap(problem, part, pressure, displacement),
+            tuple(_warnings(problem, part, pressure, displacement)),
         )
 
 
-def _hidden_overlap(problem: Problem, part: Pass, pressure: Array, displacement: Array) -> float:
-    """Overlap [length] that no average shows, beyond rounding."""
-    if np.any(pressure > 0):
-        return 0.0
-    overlap = deepest_overlap(problem.space, part.cells, displacement)
-    return overlap if overlap > TOUCHING * problem.size else 0.0
+def _warnings(problem: Problem, part: Pass, pressure: Array, displacement: Array) -> Iterator[str]:
+    """Say what makes the pressure of a pass doubtful."""
+    before, after = point_gaps(problem.space, part.cells, displacement)
+    averaged = max(0.0, -float(part.mortar.control_gaps(displacement).min(initial=0.0)))
+    deepest, still_open = -float(after.min(initial=0.0)), after > 0
+    closing = float((before - after)[still_open].max(initial=0.0))  # how far the bodies came closer
+    if closing > 0 and deepest - averaged > max(HIDDEN * closing, TOUCHING * problem.size):
+        yield (
+            f"points overlap by up to {deepest:.3g}, averaged gaps by {averaged:.3g} at most: refine the secondary "
+            "side where it touches, or exchange the two sides"
+        )
+    deepest = max(deepest, -float(before.min(initial=0.0)))
+    if deepest > DEEP * problem.size:
+        yield (
+            f"the bodies overlap by {deepest:.3g}, a good part of their size: check where they are, which faces look "
+            "at each other, and the loads"
+        )
+    reach, pressed = part.definition.reach, pressure > 0
+    if reach is not None and np.any(part.mortar.initial_gap[pressed] > reach / 2 * part.mortar.area[pressed]):
+        yield f"contact extends to gaps that the reach of {reach:g} cuts off: raise it"
 
 
 def _statistics(
@@ -189,8 +208,8 @@ def _statistics(
     }
 
 
-def _equilibrium_error(problem: Problem, system: System, solution: Solution) -> float:
-    """Largest sum of loads, contact forces and reactions on one body, over the sum of the sizes of all forces.
+def _unbalanced(problem: Problem, system: System, solution: Solution) -> tuple[float, float]:
+    """Largest sum of loads, contact forces and reactions on one body, and the sum of the sizes of all forces.
 
     The residual on free unknowns is all that reactions do not take.
     """
@@ -199,9 +218,8 @@ def _equilibrium_error(problem: Problem, system: System, solution: Solution) -> 
     unbalanced = (problem.allowed.matrix @ residual).reshape(-1, 3)
     bodies = problem.space.model.bodies
     total = max(float(np.abs(unbalanced[problem.space.body_numbers(body)].sum(axis=0)).max()) for body in bodies)
-    forces = (system.load, contact)
-    scale = max(ROUNDING * solution.scale, *(float(np.abs(force).sum()) for force in forces))
-    return total / scale if scale else total
+    sizes = (float(np.abs(force).sum()) for force in (system.load, contact))
+    return total, max(ROUNDING * solution.scale, *sizes)
 
 
 def peak_memory() -> int:

@@ -6,6 +6,8 @@ from pydantic import Field, field_validator, model_validator
 
 from geom2iga.tables import Count, Number, Positive, Table, Vector
 
+USE_PENALTY = 'use enforcement = "penalty"'
+
 
 class Material(Table):
     """Isotropic linear elasticity of some bodies."""
@@ -70,7 +72,9 @@ class Contact(Table):
     integration: Literal["segment", "element"] = Field(
         "segment", description="cells cut along the knot lines of both sides, or the secondary's spans"
     )
-    points: Count | None = Field(None, description="Gauss points per cell and direction; left out: enough")
+    points: Annotated[Count, Field(le=64)] | None = Field(
+        None, description="Gauss points per cell and direction, at most 64; left out: enough"
+    )
     reach: Positive | None = Field(None, description="largest gap that is looked at [length]; left out: any")
 
     @field_validator("penalty", mode="before")
@@ -83,15 +87,13 @@ class Contact(Table):
 
     @model_validator(mode="after")
     def _fits_together(self) -> Self:
-        if self.enforcement == "lagrange":
+        if self.enforcement != "penalty":
             if self.method == "kts":
-                raise ValueError(
-                    'method = "kts" has more points than unknowns: use another enforcement than "lagrange"'
-                )
+                raise ValueError(f'method = "kts" has more gaps than the bodies can close: {USE_PENALTY}')
             if self.two_pass:
-                raise ValueError('two_pass asks twice for the same: use another enforcement than "lagrange"')
-            if self.penalty != "auto":
-                raise ValueError('enforcement = "lagrange" has no penalty: leave it out')
+                raise ValueError(f"two_pass asks for the same twice: {USE_PENALTY}")
+        if self.enforcement == "lagrange" and self.penalty != "auto":
+            raise ValueError('enforcement = "lagrange" has no penalty: leave it out')
         if self.method == "kts" and self.multiplier != "p":
             raise ValueError('method = "kts" has a pressure at each point: leave multiplier out')
         return self
@@ -101,14 +103,18 @@ class Newton(Table):
     """When the semismooth Newton iteration ends."""
 
     max_steps: Count = Field(200, description="most Newton steps")
-    tolerance: Positive = Field(1e-12, description="largest residual over the largest force, on control points")
+    tolerance: Annotated[Positive, Field(le=1e-3)] = Field(
+        1e-12, description="largest residual over the largest force, on control points; at most 1e-3"
+    )
 
 
 class Augmentation(Table):
     """When the updates of the multiplier of augmented Lagrange end."""
 
     max_steps: Count = Field(200, description="most updates")
-    tolerance: Positive = Field(1e-10, description="largest penetration over the size of the smaller body")
+    tolerance: Annotated[Positive, Field(le=1e-2)] = Field(
+        1e-10, description="largest penetration over the size of the smallest body; at most 1e-2"
+    )
 
 
 class Steps(Table):
@@ -148,10 +154,15 @@ class Solve(Table):
 
     @model_validator(mode="after")
     def _pairs_differ(self) -> Self:
-        pairs = [(contact.secondary, contact.primary) for contact in self.contact]
-        for secondary, primary in pairs:
-            if pairs.count((secondary, primary)) > 1:
-                raise ValueError(f'contact: "{secondary}" on "{primary}" stands twice, leave one out')
+        ways = {(contact.secondary, contact.primary): contact.enforcement for contact in self.contact}
+        if len(ways) < len(self.contact):
+            pairs = [(contact.secondary, contact.primary) for contact in self.contact]
+            secondary, primary = next(pair for pair in pairs if pairs.count(pair) > 1)
+            raise ValueError(f'contact: "{secondary}" on "{primary}" stands twice, leave one out')
+        for (secondary, primary), way in ways.items():
+            if (primary, secondary) in ways and {way, ways[primary, secondary]} != {"penalty"}:
+                both = f'"{secondary}" on "{primary}" stands the other way round, too, which asks for the same twice'
+                raise ValueError(f"contact: {both}: {USE_PENALTY} in both, or leave one out")
         return self
 
 

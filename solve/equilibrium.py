@@ -14,7 +14,7 @@ from geom2iga.bspline import Array, Mask
 from solve.case import Augmentation, Newton
 from solve.contact.laws import Law
 from solve.linear import SingularMatrixError, Tangents
-from solve.newton import SETTLED, Solution, Status, Step, minimise
+from solve.newton import ROUNDING, SETTLED, Solution, Status, Step, minimise
 from solve.system import System
 
 ROUNDED = 1e-10  # pressures and gaps below this fraction of the largest are zero
@@ -143,7 +143,7 @@ def _solved(task: _Task, start: Start | None) -> Solution:
             free, pressure = _equalised(task, active, pressure)
         except SingularMatrixError:
             return sprung._replace(status=Status.SINGULAR)
-        step, following, off = _judged(task, free, pressure, active)
+        step, following, off = _judged(task, free, pressure, active, ROUNDING / SETTLED * sprung.scale)
         task.record(replace(step, seconds=time.perf_counter() - began), updates)
         if step.changes == 0:
             status = Status.CONVERGED if max(off, step.residual) <= SETTLED else Status.INACCURATE
@@ -178,17 +178,20 @@ def _equalised(task: _Task, active: Mask, guess: Array) -> tuple[Array, Array]:
         tangents.iterations += 1
 
     options = {"rtol": EXACT, "maxiter": MOST_ITERATIONS, "M": preconditioner, "callback": counted}
-    found, _ = cg(complement, right, guess[rows] * scale, **options)
+    with np.errstate(over="ignore", invalid="ignore"):
+        found, _ = cg(complement, right, guess[rows] * scale, **options)
+    if not np.all(np.isfinite(found)):
+        raise SingularMatrixError
     free = tangents.solved(active, load + operator.T @ found)
     multiplier = np.zeros(len(active))
     multiplier[rows] = found / scale
     return free, spring * (shift * multiplier - system.control_gaps(free))
 
 
-def _judged(task: _Task, free: Array, pressure: Array, active: Mask) -> tuple[Step, Mask, float]:
+def _judged(task: _Task, free: Array, pressure: Array, active: Mask, least: float) -> tuple[Step, Mask, float]:
     """Put down a step, find the gaps that press next, and by how much those that press are off, relative.
 
-    Those that pull let go, those that overlap close.
+    Those that pull let go, those that overlap close. The residual is relative to a force that is not below the least.
     """
     system, law = task.system, task.law
     gap = system.control_gaps(free) + law.compliance * pressure
@@ -198,7 +201,7 @@ def _judged(task: _Task, free: Array, pressure: Array, active: Mask) -> tuple[St
     following = (active & ~pulled) | closed
     forces = (system.load, system.stiffness @ free, system.gap_operator.T @ pressure)
     residual = forces[0] - forces[1] + forces[2]
-    largest = max(np.abs(force).max(initial=0.0) for force in forces)
+    largest = max(least, *(np.abs(force).max(initial=0.0) for force in forces))
     energy = float(free @ (forces[1] / 2 - forces[0]) + pressure @ (law.compliance * system.area * pressure) / 2)
     relative = float(np.abs(residual).max(initial=0.0) / max(largest, np.finfo(float).tiny))
     changes = int(np.count_nonzero(following != active))

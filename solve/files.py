@@ -30,6 +30,7 @@ def write_result(path: str | Path, result: Result, stamp: str = "") -> None:
                 name = f"states/{number}/contacts/{which}"
                 _put(file, name, contact, CONTACT)
                 file[name].attrs["definition"] = contact.definition.model_dump_json()
+                file[name].attrs["warnings"] = json.dumps(contact.warnings)
 
 
 STATE = ("displacement", "load_factor")
@@ -43,7 +44,6 @@ CONTACT = (
     "active",
     "force",
     "moment",
-    "hidden_overlap",
 )
 
 
@@ -65,7 +65,11 @@ def _contacts(state: Any) -> tuple[ContactResult, ...]:
     """Read the contacts of a state."""
     groups = [state[f"contacts/{number}"] for number in range(len(state.get("contacts", ())))]
     return tuple(
-        ContactResult(Contact.model_validate_json(group.attrs["definition"]), **_get(group, CONTACT))
+        ContactResult(
+            Contact.model_validate_json(group.attrs["definition"]),
+            warnings=tuple(json.loads(group.attrs["warnings"])),
+            **_get(group, CONTACT),
+        )
         for group in groups
     )
 

@@ -93,12 +93,12 @@ def _passes(space: Space, materials: Mapping[str, Material], number: int, contac
     """Integrate a contact, in two passes with springs of half the stiffness where it asks for them."""
     sides = {"secondary": contact.primary, "primary": contact.secondary}
     definitions = [contact, contact.model_copy(update=sides)] if contact.two_pass else [contact]
+    scale, share = max(stiffness_scale(space, d, materials) for d in definitions), 1 / len(definitions)
+    penalty = find_penalty(contact, scale, share)
     passes = []
     for definition in definitions:
         cells = find_cells(space.model, definition)
         mortar = assemble_mortar(space, definition, cells)
-        scale = stiffness_scale(space, definition, materials)
-        share = 1 / len(definitions)
         law = find_law(definition, len(mortar.area), scale, share)
-        passes.append(Pass(number, definition, cells, mortar, find_penalty(definition, scale, share), law))
+        passes.append(Pass(number, definition, cells, mortar, penalty, law))
     return passes

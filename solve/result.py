@@ -43,8 +43,8 @@ class ContactResult:
         On the secondary side, of all passes of the contact.
     moment : (3,)
         Of these forces about the origin [force length].
-    hidden_overlap : float
-        Largest overlap of a point where no averaged gap is closed [length]: the mesh is too coarse to see it.
+    warnings : tuple of str
+        What makes its pressure doubtful.
     """
 
     definition: Contact
@@ -57,7 +57,7 @@ class ContactResult:
     active: Mask
     force: Array
     moment: Array
-    hidden_overlap: float
+    warnings: tuple[str, ...] = ()
 
     @property
     def area(self) -> float:
@@ -68,6 +68,20 @@ class ContactResult:
     def penetration(self) -> float:
         """Largest overlap of an area of competence [length]."""
         return float(-self.control_gap.min(initial=0.0)) + 0.0
+
+
+def carried(contact: ContactResult) -> dict[str, Any]:
+    """What a contact carries: force on its secondary side, moment about the origin, area, overlap, closed gaps."""
+    return {
+        "secondary": contact.definition.secondary,
+        "primary": contact.definition.primary,
+        "force": contact.force.tolist(),
+        "moment": contact.moment.tolist(),
+        "area": contact.area,
+        "penetration": contact.penetration,
+        "active": int(contact.active.sum()),
+        "candidates": len(contact.active),
+    }
 
 
 def first_passes(contacts: Sequence[ContactResult]) -> tuple[ContactResult, ...]:

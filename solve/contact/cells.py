@@ -166,9 +166,7 @@ def segment_cells(
     """
     parts = [(surface, _cut_cells(secondary, surface, points, reach)) for surface in primary]
     opposite = [(surface, part) for surface, part in parts if len(part.area)]
-    if len(opposite) < 2:
-        return tuple(part for _, part in opposite)
-    return tuple(_seen(secondary, surface, part, opposite) for surface, part in opposite)
+    return tuple(_seen(secondary, surface, part, [other for other, _ in opposite]) for surface, part in opposite)
 
 
 def _cut_cells(secondary: Surface, primary: Surface, points: int | None, reach: float | None) -> Cells:
@@ -185,17 +183,29 @@ def _cut_cells(secondary: Surface, primary: Surface, points: int | None, reach: 
     return cells if kept.all() else cells.chosen(kept)
 
 
-def _seen(secondary: Surface, primary: Surface, cells: Cells, opposite: Sequence[tuple[Surface, Cells]]) -> Cells:
-    """Leave out the points that lie opposite a nearer primary face."""
+def _seen(secondary: Surface, primary: Surface, cells: Cells, opposite: Sequence[Surface]) -> Cells:
+    """Leave out the points that lie opposite a nearer primary face, or a nearer flank of one with kinks."""
+    rivals = [other for other in opposite if other is not primary or _is_kinked(primary.patch)]
+    if not rivals:
+        return cells
     at, normal, _ = area_vectors(secondary, cells.secondary_xi, cells.secondary_spans)
     hidden = np.zeros(len(at), dtype=bool)
-    for other in (surface for surface, _ in opposite if surface is not primary):
+    for other in rivals:
         corners = other.patch.control_points.reshape(-1, 3)
         beside = np.maximum(0, np.maximum(corners.min(axis=0) - at, at - corners.max(axis=0)))
         rival = np.flatnonzero(np.linalg.norm(beside, axis=1) < (1 - FLAT) * np.abs(cells.gap))
         away, _ = _feet(at[rival], normal[rival], other)
         hidden[rival] = hidden[rival] | (away < (1 - FLAT) * np.abs(cells.gap[rival]))
     return cells.chosen(~hidden) if hidden.any() else cells
+
+
+def _is_kinked(patch: Patch) -> bool:
+    """Whether the tangents may jump along a knot line."""
+    sharp = (
+        np.unique(knots[degree + 1 : -degree - 1], return_counts=True)[1].max(initial=0) >= degree
+        for knots, degree in zip(patch.knots, patch.degrees, strict=True)
+    )
+    return any(sharp) and not is_affine(patch)
 
 
 def _paired(

@@ -84,20 +84,15 @@ def assemble_mortar(space: Space, contact: Contact, cells: Sequence[Cells]) -> M
     return Mortar(rows, operator[rows], gap[rows], area[rows], first[rows] / area[rows, None])
 
 
-def deepest_overlap(space: Space, cells: Sequence[Cells], displacement: Array) -> float:
-    """Find the largest overlap of a quadrature point after a displacement (n, 3) [length], zero where there is none."""
-    lowest = 0.0
+def point_gaps(space: Space, cells: Sequence[Cells], displacement: Array) -> tuple[Array, Array]:
+    """Gaps (q,) of all quadrature points before and after a displacement (n, 3) [length], positive where open."""
+    before, after = [np.empty(0)], [np.empty(0)]
     for part in cells:
-        moved = [
-            trace_matrix(space, face, xi, spans) @ displacement
-            for face, xi, spans in (
-                (part.secondary, part.secondary_xi, part.secondary_spans),
-                (part.primary, part.primary_xi, part.primary_spans),
-            )
-        ]
-        gap = np.einsum("qk,qk->q", moved[0] - moved[1], part.normal) + part.gap
-        lowest = min(lowest, float(gap.min(initial=0.0)))
-    return -lowest + 0.0
+        secondary = trace_matrix(space, part.secondary, part.secondary_xi, part.secondary_spans) @ displacement
+        primary = trace_matrix(space, part.primary, part.primary_xi, part.primary_spans) @ displacement
+        before.append(part.gap)
+        after.append(part.gap + np.einsum("qk,qk->q", secondary - primary, part.normal))
+    return np.concatenate(before), np.concatenate(after)
 
 
 def _along(scalar: coo_array, normal: Array, dofs: int) -> csr_array:

@@ -232,7 +232,7 @@ def _edges(segments: Segments, count: int) -> tuple[Array, Array, Array]:
     owner, spans = (np.repeat(v[segments.segment[curved]], count, axis=0) for v in (segments.owner, segments.spans))
     length = (segments.high - segments.low)[curved]
     places = (segments.low[curved, None] + t * length[:, None]).ravel()
-    side = np.repeat(np.floor((segments.low + segments.high)[curved] / 2).astype(np.int64), count)
+    side = np.repeat(np.ceil(segments.high[curved]).astype(np.int64) - 1, count)
     curve = _Curve(segments.secondary, segments.primary, segments.outlines, owner, spans, side)
     xi, derivative = curve.at(places, at[curved].reshape(-1, 2))
     at[curved] = xi.reshape(-1, count, 2)

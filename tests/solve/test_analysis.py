@@ -317,18 +317,35 @@ def test_the_force_on_a_secondary_side_of_several_bodies_is_that_on_all_of_them(
     np.testing.assert_allclose(result.contacts[0].force, [0, 0, 3], rtol=0, atol=1e-9)
 
 
-@pytest.mark.parametrize("spans", [1, 8])
-def test_an_overlap_that_a_coarse_mesh_averages_away_is_not_hidden(spans):
-    """A blunt punch sinks by 0.02, less than its one control-point gap is open in the mean."""
+def blunt_punch(spans, **contact):
+    """A punch that sinks by 0.02 into a block."""
     block = {"name": "lower", "origin": [-2.0, -2.0, -1.0], "size": [4.0, 4.0, 1.0]}
     punch = {"name": "upper", "size": [2.0, 2.0, 1.0], "radius": 3.0, "bottom": "paraboloid", "spans": spans}
     model = geom2iga.build({"geometry": {"degree": 2, "block": [block], "domed_block": [punch]}})
     supports = [{"on": "lower/bottom", **FIXED}, {"on": "upper/top", **FIXED, "uz": -0.02}]
-    contact = {"secondary": "upper/bottom", "primary": "lower/top"}
-    (found,) = converged(model, case_of(supports, [], [contact])).contacts
-    if spans == 1:
-        np.testing.assert_array_equal(found.force, 0)
-        assert found.hidden_overlap == pytest.approx(0.02, abs=2e-3)
-    else:
-        assert found.force[2] > 0.1
-        assert found.hidden_overlap == 0
+    case = case_of(supports, [], [{"secondary": "upper/bottom", "primary": "lower/top", **contact}])
+    (found,) = converged(model, case).contacts
+    return found
+
+
+def test_an_overlap_that_a_coarse_mesh_averages_away_is_not_hidden():
+    coarse, fine = blunt_punch(1), blunt_punch(12)
+    np.testing.assert_array_equal(coarse.force, 0)
+    assert len(coarse.warnings) == 1
+    assert "points overlap by up to 0.02, averaged gaps by 0 at most" in coarse.warnings[0]
+    assert fine.force[2] > 0.1
+    assert fine.warnings == ()
+
+
+def test_a_reach_that_cuts_off_contact_is_told():
+    """Contact ends where the gap was nearly 0.02 before."""
+    assert "the reach of 0.005 cuts off: raise it" in blunt_punch(12, reach=0.005).warnings[-1]
+    assert blunt_punch(12, reach=0.1).warnings == ()
+
+
+@pytest.mark.parametrize(("height", "told"), [(1.0, False), (0.9, False), (0.3, True)])
+def test_bodies_that_start_deep_in_each_other_are_told(height, told):
+    model = model_of(block_patch("lower", size=(2, 2, 1)), block_patch("upper", (0.5, 0.5, height)))
+    supports = [{"on": "lower/bottom", **FIXED}, {"on": "upper/top", **FIXED}]
+    (found,) = converged(model, case_of(supports, [], [on_top("upper", "lower")])).contacts
+    assert any("a good part of their size" in warning for warning in found.warnings) == told

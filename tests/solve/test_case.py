@@ -196,8 +196,11 @@ def test_what_is_allowed_is_accepted(penalty):
 @pytest.mark.parametrize(
     ("values", "names"),
     [
-        ({"enforcement": "lagrange", "method": "kts"}, ['"kts"', '"lagrange"', "another enforcement"]),
-        ({"enforcement": "lagrange", "two_pass": True}, ["two_pass", '"lagrange"', "another enforcement"]),
+        *(
+            ({"enforcement": way, **given}, [named, 'use enforcement = "penalty"'])
+            for way in ("lagrange", "augmented-lagrange")
+            for given, named in (({"method": "kts"}, '"kts"'), ({"two_pass": True}, "two_pass"))
+        ),
         ({"enforcement": "lagrange", "penalty": 1e5}, ['"lagrange"', "penalty", "leave it out"]),
         ({"method": "kts", "multiplier": "p-2"}, ['"kts"', "leave multiplier out"]),
     ],
@@ -206,14 +209,18 @@ def test_contact_options_that_exclude_each_other(values, names):
     assert_names(complaint(contact(**values)), "solve.contact[0]", *names)
 
 
-@pytest.mark.parametrize("method", ["mortar", "kts"])
-@pytest.mark.parametrize("enforcement", ["penalty", "augmented-lagrange"])
+@pytest.mark.parametrize("enforcement", ["penalty", "augmented-lagrange", "lagrange"])
 @pytest.mark.parametrize("multiplier", ["p", "p-2"])
+def test_every_enforcement_takes_every_multiplier(enforcement, multiplier):
+    values = {"enforcement": enforcement, "multiplier": multiplier}
+    checked = solve.SolveCase(solve=contact(**values)["solve"])
+    assert checked.solve.contact[0].enforcement == enforcement
+
+
+@pytest.mark.parametrize("method", ["mortar", "kts"])
 @pytest.mark.parametrize("two_pass", [False, True])
-def test_all_other_contact_options_go_together(method, enforcement, multiplier, two_pass):
-    if method == "kts":
-        multiplier = "p"
-    values = {"method": method, "enforcement": enforcement, "multiplier": multiplier, "two_pass": two_pass}
+def test_penalties_go_with_every_method_and_with_one_or_two_passes(method, two_pass):
+    values = {"method": method, "two_pass": two_pass}
     checked = solve.SolveCase(solve=contact(**values)["solve"])
     assert checked.solve.contact[0].two_pass is two_pass
 

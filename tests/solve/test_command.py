@@ -291,7 +291,7 @@ def test_load_steps_before_an_interruption_are_kept_and_gone_on_from(stepped, ca
     assert "going on after load step 2" in capsys.readouterr().err
     result = read_result(output(stepped) / FILE)
     assert [state.load_factor for state in result.states] == [0.25, 0.5, 1.0]
-    assert {step.load_step for step in result.history} == {3}
+    assert {step.load_step for step in result.history} == {1, 2, 3}
     np.testing.assert_array_equal(result.state.displacement, whole.state.displacement)
     assert sorted(path.name for path in output(stepped).iterdir()) == ["geometry.h5", "log.txt", FILE]
 
@@ -332,5 +332,5 @@ def test_one_load_step_leaves_no_file_of_steps(case):
 def test_the_log_tells_force_moment_and_overlap_of_each_contact(case, capsys):
     assert main([str(case)]) == 0
     message = capsys.readouterr().err
-    for word in ("force", "moment", "area", "largest pressure", "overlap", "gaps closed"):
+    for word in ("force", "moment", "area", "overlap", "gaps closed"):
         assert word in message
