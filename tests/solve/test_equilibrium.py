@@ -171,7 +171,7 @@ def test_updates_end_when_they_change_the_overlap_no_more(tolerance):
 
 def test_a_tighter_tolerance_of_the_overlap_takes_more_updates():
     system = statically_indeterminate()
-    law = law_of(system, "updated", springs=1.0)
+    law = law_of(system, "updated", springs=1000.0)
     updates = [found_with(system, law, tolerance=t).history[-1].update for t in (1e-2, 1e-4, 1e-9)]
     assert updates == sorted(updates)
     assert updates[0] < updates[-1]
