@@ -203,6 +203,7 @@ def test_what_is_allowed_is_accepted(penalty):
         ),
         ({"enforcement": "lagrange", "penalty": 1e5}, ['"lagrange"', "penalty", "leave it out"]),
         ({"method": "kts", "multiplier": "p-2"}, ['"kts"', "leave multiplier out"]),
+        ({"points": 65}, ["points", "64"]),
     ],
 )
 def test_contact_options_that_exclude_each_other(values, names):
@@ -288,3 +289,14 @@ def test_a_checked_case_solves_as_the_dict_it_was_made_of():
 
 def test_a_misspelt_key_is_named_before_the_key_that_is_missing_for_it():
     assert_names(complaint(changed(material=[{"yuong": 1000.0, "poisson": 0.3}])), '"yuong"', 'did you mean "young"')
+
+
+def test_a_multiplier_cannot_be_asked_for_from_both_sides():
+    pair = {"secondary": "upper/bottom", "primary": "lower/top", "enforcement": "lagrange"}
+    back = {"secondary": "lower/top", "primary": "upper/bottom"}
+    assert_names(complaint(changed(contact=[pair, back])), "the other way round", 'use enforcement = "penalty"')
+
+
+@pytest.mark.parametrize("table", ["newton", "augmentation"])
+def test_a_tolerance_that_accepts_anything_is_refused(table):
+    assert_names(complaint(changed(**{table: {"tolerance": 1.0}})), f"{table}.tolerance")

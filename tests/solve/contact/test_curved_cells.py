@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+import geom2iga
 from geom2iga.bspline import open_knots
 from geom2iga.errors import CaseError
 from geom2iga.patch import Patch, evaluate
@@ -188,3 +189,27 @@ def test_a_pole_gives_numbers():
     cells = segments(*sides(model_of(*patches), "inner/top", "outer/bottom"))
     assert all(np.isfinite(values).all() for values in (cells.area, cells.normal, cells.gap, cells.primary_area))
     assert cells.area.sum() == pytest.approx(np.pi / 2, rel=1e-2)
+
+
+def over_a_block(width, spans, secondary, **body):
+    """Cells of a round body over a cubic block, and the area of the block that they see."""
+    corner, size = [-width / 2, -width / 2, -width], [width] * 3
+    block = {"name": "lower", "origin": corner, "size": size, "spans": [spans, spans, 1]}
+    model = geom2iga.build({"geometry": {"degree": 2, "block": [block], **body}})
+    cells = find_cells(model, Contact(secondary=secondary, primary="lower/top"))
+    return cells, sum(part.primary_area.sum() for part in cells)
+
+
+@pytest.mark.parametrize(("width", "spans", "fine"), [(100.0, 1, 4), (100.0, 1, 16), (1000.0, 1, 1), (1000.0, 4, 4)])
+def test_a_small_punch_over_one_large_span_is_covered_whole(width, spans, fine):
+    dome = {"name": "upper", "size": [1.0, 1.0, 1.0], "radius": 2.0, "bottom": "paraboloid", "spans": [fine, fine, 1]}
+    assert over_a_block(width, spans, "upper/bottom", domed_block=[dome])[1] == pytest.approx(1.0, rel=1e-8)
+
+
+@pytest.mark.parametrize("spans", [1, 5, 20])
+def test_a_hemisphere_over_a_block_has_cells_whose_normals_look_at_it(spans):
+    """Sides of outlines that end a rounding error before a corner do not count as a fifth side."""
+    ball = {"name": "upper", "radius": 1.0, "flat": "up", "origin": [0.0, 0.0, 1.02], "spans": 1}
+    cells, area = over_a_block(3.0, spans, "upper/outside", hemisphere=[ball])
+    assert 0.7 * np.pi < area < np.pi  # grazing parts are left out
+    assert min(part.gap.min() for part in cells) == pytest.approx(0.02, abs=1e-3)
