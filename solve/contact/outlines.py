@@ -19,6 +19,7 @@ BENT = 0.2  # outlines with a side that deviates more from its chord, in lengths
 LENS = 5e-4  # how far a chord may lie off its curve, in spans of the secondary side
 BESIDE = 0.25  # how far beyond the border of the secondary side a part of an outline is still near, in its spans
 LEVELS = 24  # how often spans are cut into 2 x 2, at most
+REFINED = 8  # how often those that lie opposite as a whole are: kinks of the other side never become straight
 SMALL = 0.125  # parts that reach beyond the secondary side are cut until they are that small, in its spans
 KNOWN = 0.1  # least determinant of a fit, above which its points span a plane
 SQUARE = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
@@ -82,16 +83,16 @@ def _cut_outlines(
 ) -> Outlines:
     """Draw rectangles, cutting those that cannot be drawn well."""
     opposite, sizes = find_opposite(secondary, primary, reach), _Sizes(secondary)
-    done, off = [], [0.0]
+    done, off, cuts = [], [0.0], np.zeros(len(corners), dtype=np.int64)
     for level in range(LEVELS + 1):
         near = np.unique(find_box_pairs(corners[:, 0], corners[:, 2], opposite.low, opposite.high)[0])
-        corners, spans = corners[near], spans[near]
+        corners, spans, cuts = corners[near], spans[near], cuts[near]
         at, seen = _drawn(secondary, primary, corners, spans, CHORDS)
         good = seen.all(axis=1)
         bent, lens = _bending(at, secondary)
         fits = good & (bent <= BENT).all(axis=1)
         last = level == LEVELS or not len(corners)
-        final = fits & (last | (lens <= LENS))
+        final = fits & (last | (cuts == REFINED) | (lens <= LENS))
         done.append(Outlines(corners[final], spans[final], at[final], bent[final] > STRAIGHT))
         off.append(lens[final].max(initial=0.0))
         partly = ~good & (_touching(secondary, at, seen) | _holding(corners, opposite.feet))
@@ -103,8 +104,9 @@ def _cut_outlines(
         )
         if last:
             break
-        again = ~final & (good | (partly & ~small))
+        again = ~final & ((good & (cuts < REFINED)) | (partly & ~small))
         corners, spans = _quartered(corners[again]), np.repeat(spans[again], 4, axis=0)
+        cuts = np.repeat(np.where(good, cuts + 1, 0)[again], 4)
     coarser = (n for n in range(1, CHORDS) if CHORDS % n == 0 and max(off) * (CHORDS / n) ** 2 <= LENS)
     enough = next(coarser, CHORDS)
     parts = zip(*((o.corners, o.spans, o.at[:, :: CHORDS // enough], o.curved) for o in done), strict=True)
