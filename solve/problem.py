@@ -37,14 +37,10 @@ class Problem(NamedTuple):
     space: Space
     materials: Mapping[str, Material]
     passes: tuple[Pass, ...]
+    mortar: Mortar  # the gaps of all passes below each other
     allowed: AffineMap
     load: Array  # (dofs,)
     rigid: Array  # (dofs, k)
-
-    @property
-    def mortar(self) -> Mortar:
-        """The gaps of all passes below each other."""
-        return stacked([part.mortar for part in self.passes], self.space.dofs)
 
     @property
     def law(self) -> Law:
@@ -86,7 +82,7 @@ def prepare(model: Model, case: Solve) -> Problem:
     load = assemble_loads(space, case.load, case.body_force, covers).ravel()
     rigid = unsupported(rigid_modes(space), conditions)
     check_pressed(space, rigid, mortar, load)
-    return Problem(case, space, materials, tuple(passes), allowed, load, rigid)
+    return Problem(case, space, materials, tuple(passes), mortar, allowed, load, rigid)
 
 
 def _passes(space: Space, materials: Mapping[str, Material], number: int, contact: Contact) -> list[Pass]:

@@ -24,15 +24,6 @@ FITTED = {name: known for name, known in MODELS.items() if known.message is not 
 HELIX = "rectangle_swept_along_a_helix"
 
 
-@pytest.fixture(scope="module")
-def gmsh_session():
-    """A gmsh of our own."""
-    gmsh.initialize(readConfigFiles=False, interruptible=False)
-    gmsh.option.setNumber("General.Terminal", 0)
-    yield
-    gmsh.finalize()
-
-
 def build_known(known, folder, **keys):
     """Build a model of the registries, the way it travels."""
     if known.bodies == 1:

@@ -21,15 +21,6 @@ ANGLES = st.tuples(st.floats(-7, 7), st.floats(0.01, 2 * pi))  # start and sweep
 CONICS = {"circle": 1, "ellipse": 2, "parabola": 1, "hyperbola": 2}
 
 
-@pytest.fixture
-def gmsh_session():
-    """A gmsh with an empty model."""
-    gmsh.initialize(readConfigFiles=False, interruptible=False)
-    gmsh.option.setNumber("General.Terminal", 0)
-    yield
-    gmsh.finalize()
-
-
 def frame(seed):
     """An origin and three directions (4, 3)."""
     return np.vstack([np.random.default_rng(seed).uniform(-1, 1, 3), Rotation.random(random_state=seed).as_matrix().T])
@@ -172,7 +163,7 @@ def add_short_periods(occ):
 
 
 @pytest.mark.parametrize("add", [add_curves, pytest.param(add_short_periods)])
-def test_gmsh_finds_the_same_points_on_splines_closed_or_not(gmsh_session, add):
+def test_gmsh_finds_the_same_points_on_splines_closed_or_not(empty_gmsh, add):
     add(gmsh.model.occ)
     gmsh.model.occ.synchronize()
     xi = np.linspace(0, 1, 21)

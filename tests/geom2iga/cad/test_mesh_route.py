@@ -18,16 +18,9 @@ from tests.cases import bent_patch
 from tests.oracles import assert_order
 from tests.strategies import SEEDS
 
+pytestmark = pytest.mark.usefixtures("empty_gmsh")
+
 COUNTS = st.tuples(*[st.integers(1, 4)] * 3)
-
-
-@pytest.fixture(autouse=True)
-def gmsh_session():
-    """A gmsh with an empty model."""
-    gmsh.initialize(readConfigFiles=False, interruptible=False)
-    gmsh.option.setNumber("General.Terminal", 0)
-    yield
-    gmsh.finalize()
 
 
 def fit(spans):

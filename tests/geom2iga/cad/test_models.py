@@ -5,15 +5,6 @@ from tests.geom2iga.cad.models import MODELS
 from tests.geom2iga.cad.registry import open_here
 
 
-@pytest.fixture(scope="module")
-def gmsh_session():
-    """A gmsh of our own."""
-    gmsh.initialize(readConfigFiles=False, interruptible=False)
-    gmsh.option.setNumber("General.Terminal", 0)
-    yield
-    gmsh.finalize()
-
-
 @pytest.fixture(scope="module", params=MODELS.values(), ids=MODELS.keys())
 def model(request, gmsh_session, tmp_path_factory):
     """Each model in turn, open in gmsh."""
