@@ -180,6 +180,16 @@ def open_knots(at: ArrayLike, degree: int) -> Array:
     return np.concatenate([np.repeat(at[0], degree), at, np.repeat(at[-1], degree)])
 
 
+def sharp_breaks(knots: Array, degree: int) -> Array:
+    """Distinct knots where splines need not be smooth, both ends among them.
+
+    >>> sharp_breaks(np.array([0.0, 0, 0, 1, 2, 2, 3, 3, 3]), 2).tolist()
+    [0.0, 2.0, 3.0]
+    """
+    at, counts = np.unique(knots, return_counts=True)
+    return at[counts >= degree]
+
+
 def check_knots(knots: Array, degree: int) -> None:
     """Raise ValueError unless the knot vector is open, non-decreasing, finite and at least continuous inside."""
     if knots.ndim != 1 or len(knots) < 2 * degree + 2:

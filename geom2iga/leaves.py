@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from geom2iga.bspline import Array, Mask, applied, basis, find_spans, open_knots
+from geom2iga.bspline import Array, Mask, applied, basis, find_spans, open_knots, sharp_breaks
 from geom2iga.patch import Patch
 
 TURN = 0.25  # of the tangents along a leaf, as a fraction of their mean length
@@ -157,9 +157,7 @@ def _ball(coefficients: Array) -> tuple[Array, Array]:
 
 def _hard_sides(surface: Patch, edges: tuple[Array, Array], axis: int) -> Mask:
     """(m, 2) whether the lower and upper sides of the pieces lie on the border or on a kink."""
-    knots, degree = surface.knots[axis], surface.degrees[axis]
-    at, counts = np.unique(knots, return_counts=True)
-    hard = np.isin(edges[axis], at[counts >= degree])
+    hard = np.isin(edges[axis], sharp_breaks(surface.knots[axis], surface.degrees[axis]))
     return np.stack([hard[:-1], hard[1:]], axis=1)
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from geom2iga.bspline import Array, Indices, Mask, find_spans
+from geom2iga.bspline import Array, Indices, Mask, find_spans, sharp_breaks
 from geom2iga.errors import CaseError
 from geom2iga.model import Model
 from geom2iga.patch import Face, Patch
@@ -201,11 +201,8 @@ def _seen(secondary: Surface, primary: Surface, cells: Cells, opposite: Sequence
 
 def _is_kinked(patch: Patch) -> bool:
     """Whether the tangents may jump along a knot line."""
-    sharp = (
-        np.unique(knots[degree + 1 : -degree - 1], return_counts=True)[1].max(initial=0) >= degree
-        for knots, degree in zip(patch.knots, patch.degrees, strict=True)
-    )
-    return any(sharp) and not is_affine(patch)
+    inside = any(len(sharp_breaks(*direction)) > 2 for direction in zip(patch.knots, patch.degrees, strict=True))
+    return inside and not is_affine(patch)
 
 
 def _paired(
