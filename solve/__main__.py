@@ -14,6 +14,9 @@ from geom2iga.tables import Case, checked
 from solve.analysis import solve
 from solve.case import SolveCase
 from solve.files import FORMAT, VERSION, read_result, write_result
+from solve.iterative import Iterated
+from solve.linear import direct_solver
+from solve.memory import is_iterative, needed
 from solve.newton import Status, Step
 from solve.problem import prepare
 from solve.result import ContactResult, Result, carried
@@ -33,7 +36,9 @@ def plan(case: Case) -> str:
     """Check that the case fits its geometry."""
     problem = prepare(build(case), checked(case, SolveCase).solve)
     candidates = sum(len(part.mortar.area) for part in problem.passes)
-    return f"{problem.allowed.size} unknowns, {candidates} gaps that may close"
+    solver = None if is_iterative(problem) else direct_solver()
+    way = f"{solver.name if solver else Iterated.name}, about {needed(problem, solver):.2g} GB"
+    return f"{problem.allowed.size} unknowns, {candidates} gaps that may close, {way}"
 
 
 def run(case: Case, folder: Path, stamp: str) -> None:
@@ -64,8 +69,9 @@ def run(case: Case, folder: Path, stamp: str) -> None:
             names = contact.definition.secondary, contact.definition.primary
             log.warning('iga-solve: warning: contact of "%s" with "%s": %s', *names, warning)
     statistics = result.statistics
-    log.debug("iga-solve: %s, seconds %s", statistics["linear_solver"], statistics["seconds"])
-    log.info("iga-solve: converged, %d unknowns, %.2f s", statistics["dofs"], time.perf_counter() - began)
+    log.debug("iga-solve: seconds %s", statistics["seconds"])
+    way, seconds = statistics["linear_solver"], time.perf_counter() - began
+    log.info("iga-solve: converged, %d unknowns, %s, %.2f s", statistics["dofs"], way, seconds)
 
 
 def _steps_so_far(path: Path, stamp: str) -> Result | None:

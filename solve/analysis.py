@@ -1,5 +1,6 @@
 """From a model and the [solve] table to a Result."""
 
+import logging
 import resource
 import sys
 import time
@@ -18,12 +19,20 @@ from solve.case import SolveCase
 from solve.contact.mortar import point_gaps
 from solve.elasticity import assemble_stiffness
 from solve.equilibrium import Settings, Start, find_equilibrium
-from solve.linear import Tangents, direct_solver
+from solve.iterative import Iterated
+from solve.linear import DirectSolver, direct_solver
+from solve.memory import check_memory, fits, is_iterative
 from solve.newton import ROUNDING, Solution, Status, Step
+from solve.operator import Stiffness
 from solve.problem import Pass, Problem, prepare
 from solve.result import ContactResult, Result, State
+from solve.rules import exact_rules
 from solve.system import System, reduced_system
+from solve.tangents import Factorised, Tangents
 
+log = logging.getLogger("geom2iga")
+
+NUMERIC = (Status.SLOW, Status.SINGULAR, Status.INACCURATE)  # failures that another linear solver may not have
 HIDDEN = 0.3  # overlaps of points above this fraction of how far the bodies came closer are worth a word
 DEEP = 0.1  # overlaps above this fraction of the smallest body are
 TOUCHING = 1e-9  # overlaps below this fraction of the smallest body are rounding errors
@@ -69,8 +78,16 @@ def solve(
         with clock.phase("contact"):
             problem = prepare(model, case)
         with clock.phase("assembly"):
-            assembled = _assemble(problem)
-        return _follow(problem, assembled, clock, report, keep, before)
+            assembled = _assemble(problem, None if is_iterative(problem) else direct_solver())
+        result = _follow(problem, assembled, clock, report, keep, before)
+        if result.status in NUMERIC and problem.case.linear.method == "auto" and is_iterative(problem):
+            solver = direct_solver()
+            if fits(problem, solver):
+                log.info("conjugate gradients failed (%s): going on with %s", result.status.value, solver.name)
+                with clock.phase("assembly"):
+                    assembled = _assemble(problem, solver)
+                result = _follow(problem, assembled, clock, report, keep, result)
+        return result
 
 
 class Assembled(NamedTuple):
@@ -88,13 +105,18 @@ class Assembled(NamedTuple):
         return replace(one, load=share * one.load, initial_gap=gap)
 
 
-def _assemble(problem: Problem) -> Assembled:
-    """Assemble the reduced problem."""
-    stiffness = assemble_stiffness(problem.space, problem.materials)
-    mortar, springs = problem.mortar, problem.law.springs
+def _assemble(problem: Problem, solver: DirectSolver | None) -> Assembled:
+    """Assemble the reduced problem for a direct solver, or make operators of it."""
+    space, materials, mortar, springs = problem.space, problem.materials, problem.mortar, problem.law.springs
+    check_memory(problem, solver)
+    if solver:
+        stiffness = assemble_stiffness(space, materials)
+    else:
+        stiffness = Stiffness(space, materials, exact_rules(space), stored=False)
     loaded = reduced_system(stiffness, problem.load, mortar, springs, problem.allowed, problem.rigid)
     unloaded = replace(loaded, load=np.zeros_like(loaded.load), initial_gap=mortar.initial_gap)
-    return Assembled(stiffness, loaded, unloaded, Tangents(loaded.tangent, direct_solver()))
+    tangents = Factorised(loaded.tangent, solver) if solver else Iterated(problem)
+    return Assembled(stiffness, loaded, unloaded, tangents)
 
 
 def _follow(
@@ -196,11 +218,11 @@ def _statistics(
     """Collect sizes, counts and times."""
     displacement = states[-1].displacement.ravel() if states else np.zeros(assembled.stiffness.shape[0])
     return {
-        "dofs": assembled.loaded.stiffness.shape[0],
+        "dofs": len(assembled.loaded.load),
         "newton_iterations": len(history),
         "linear_iterations": assembled.tangents.iterations,
         "factorisations": assembled.tangents.factorisations,
-        "linear_solver": assembled.tangents.solver.name,
+        "linear_solver": assembled.tangents.name,
         "strain_energy": float(displacement @ (assembled.stiffness @ displacement) / 2),
         "equilibrium_error": error,
         "peak_memory": peak_memory(),

@@ -77,6 +77,11 @@ class Contact(Table):
     )
     reach: Positive | None = Field(None, description="largest gap that is looked at [length]; left out: any")
 
+    @property
+    def on_control_points(self) -> bool:
+        """Whether pressures are control values of the secondary face's own basis."""
+        return self.method == "mortar" and self.multiplier == "p"
+
     @field_validator("penalty", mode="before")
     @classmethod
     def _number_or_auto(cls, value: Any) -> Any:
@@ -97,6 +102,15 @@ class Contact(Table):
         if self.method == "kts" and self.multiplier != "p":
             raise ValueError('method = "kts" has a pressure at each point: leave multiplier out')
         return self
+
+
+class Linear(Table):
+    """How linear systems are solved."""
+
+    method: Literal["auto", "direct", "iterative"] = Field(
+        "auto",
+        description="sparse factors, or conjugate gradients that store no matrix; auto: by the number of unknowns",
+    )
 
 
 class Newton(Table):
@@ -148,6 +162,7 @@ class Solve(Table):
     load: tuple[Load, ...] = Field((), description="pressures and tractions on faces")
     body_force: tuple[BodyForce, ...] = Field((), description="forces per volume")
     contact: tuple[Contact, ...] = Field((), description="pairs of faces that may touch")
+    linear: Linear = Field(Linear(), description="how linear systems are solved")
     newton: Newton = Field(Newton(), description="when the iteration ends")
     augmentation: Augmentation = Field(Augmentation(), description="when the updates of augmented Lagrange end")
     steps: Steps = Field(Steps(count=1), description="load steps; left out: all at once")

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import coo_array, csr_array
 
-from geom2iga.bspline import Array, Indices
+from geom2iga.bspline import Array, Indices, Mask
 from geom2iga.errors import CaseError
 from geom2iga.patch import Face
 from solve.case import Support
@@ -104,25 +104,34 @@ def constrain(space: Space, conditions: Conditions, supports: Sequence[Support])
     CaseError
         Two supports that ask for different displacements of one control point.
     """
-    normal = np.zeros((space.size, 3, 3))
-    right = np.zeros((space.size, 3))
-    np.add.at(
-        normal,
-        conditions.control_points,
-        np.einsum("ci,cj->cij", conditions.directions, conditions.directions),
-    )
-    np.add.at(right, conditions.control_points, conditions.directions * conditions.values[:, None])
+    points, places = np.unique(conditions.control_points, return_inverse=True)
+    normal, right = np.zeros((len(points), 3, 3)), np.zeros((len(points), 3))
+    np.add.at(normal, places, np.einsum("ci,cj->cij", conditions.directions, conditions.directions))
+    np.add.at(right, places, conditions.directions * conditions.values[:, None])
     strength, axes = np.linalg.eigh(normal)
     held = strength > PARALLEL
     inverse = np.where(held, 1 / np.where(held, strength, 1), 0)
-    offset = np.einsum("nik,nk,njk,nj->ni", axes, inverse, axes, right)
+    offset = np.zeros((space.size, 3))
+    offset[points] = np.einsum("nik,nk,njk,nj->ni", axes, inverse, axes, right)
     _check_compatible(space, conditions, supports, offset)
-    point, axis = np.nonzero(~held)
-    rows = (3 * point[:, None] + np.arange(3)).ravel()
-    columns = np.repeat(np.arange(len(point)), 3)
-    matrix = coo_array((axes[point, :, axis].ravel(), (rows, columns)), shape=(space.dofs, len(point))).tocsr()
+    return AffineMap(_free_directions(space, points, axes, ~held), offset.ravel())
+
+
+def _free_directions(space: Space, points: Indices, axes: Array, free: Mask) -> csr_array:
+    """Which of the axes (c, 3, 3), as columns, of some control points (c,) are free (c, 3); of all others all are."""
+    counts = np.full(space.size, 3)
+    counts[points] = free.sum(axis=1)
+    first = np.cumsum(counts) - counts
+    others = np.delete(np.arange(space.size), points)
+    place, axis = np.nonzero(free)
+    rank = (np.cumsum(free, axis=1) - 1)[place, axis]
+    rows = [3 * others[:, None] + np.arange(3), 3 * points[place, None] + np.arange(3)]
+    columns = [first[others, None] + np.arange(3), np.repeat(first[points[place], None] + rank[:, None], 3, axis=1)]
+    values = [np.ones(3 * len(others)), axes[place, :, axis].ravel()]
+    where = tuple(np.concatenate([part.ravel() for part in parts]) for parts in (rows, columns))
+    matrix = coo_array((np.concatenate(values), where), shape=(space.dofs, int(counts.sum()))).tocsr()
     matrix.eliminate_zeros()
-    return AffineMap(matrix, offset.ravel())
+    return matrix
 
 
 def _check_compatible(space: Space, conditions: Conditions, supports: Sequence[Support], offset: Array) -> None:

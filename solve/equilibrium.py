@@ -7,19 +7,16 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import diags_array
-from scipy.sparse.linalg import LinearOperator, cg
 
 from geom2iga.bspline import Array, Mask
 from solve.case import Augmentation, Newton
 from solve.contact.laws import Law
-from solve.linear import SingularMatrixError, Tangents
+from solve.linear import SingularMatrixError
 from solve.newton import ROUNDING, SETTLED, Solution, Status, Step, minimise
 from solve.system import System
+from solve.tangents import Tangents
 
 ROUNDED = 1e-10  # pressures and gaps below this fraction of the largest are zero
-EXACT = 1e-14  # relative residual of conjugate gradients for multipliers
-MOST_ITERATIONS = 200
 
 
 class Start(NamedTuple):
@@ -110,7 +107,7 @@ def _updated(task: _Task, start: Start | None) -> Solution:
         if steady and plain > wanted and system.holds(active):
             plain, wanted = 0, 2 * wanted
             with suppress(SingularMatrixError):  # then plain updates go on
-                free, pressure = _equalised(task, active, multiplier)
+                free, pressure = task.tangents.equalised(system, task.law, active, multiplier)
                 multiplier = np.maximum(pressure, 0.0)
     return found._replace(status=Status.PENETRATION)
 
@@ -140,9 +137,9 @@ def _solved(task: _Task, start: Start | None) -> Solution:
         seen.add(active.tobytes())
         began = time.perf_counter()
         try:
-            free, pressure = _equalised(task, active, pressure)
-        except SingularMatrixError:
-            return sprung._replace(status=Status.SINGULAR)
+            free, pressure = task.tangents.equalised(task.system, task.law, active, pressure)
+        except SingularMatrixError:  # more gaps than displacements that close them: updates decide
+            continue
         step, following, off = _judged(task, free, pressure, active, ROUNDING / SETTLED * sprung.scale)
         task.record(replace(step, seconds=time.perf_counter() - began), updates)
         if step.changes == 0:
@@ -150,42 +147,6 @@ def _solved(task: _Task, start: Start | None) -> Solution:
             return Solution(status, free, pressure, (), sprung.scale)
         active = following
     return sprung
-
-
-def _equalised(task: _Task, active: Mask, guess: Array) -> tuple[Array, Array]:
-    """Solve with g + c p = 0 where active and p = 0 elsewhere: displacement (free,) and pressure (m,).
-
-    [ K  -G' ] [v]   [  f ]        With the springs s of the law, K + G' (s/A) G is well conditioned, and the multiplier
-    [ G   cA ] [p] = [ -g0]        has a Schur complement close to A/s: conjugate gradients need few iterations.
-    """
-    system, law, tangents = task.system, task.law, task.tangents
-    tangents.factorise(active)
-    shift, spring = law.softness, np.where(active, law.stiffness, 0.0)
-    rows = np.flatnonzero(active & (shift > 0))
-    operator, c, k = system.gap_operator[rows], law.compliance[rows], shift[rows]
-    load = system.load - system.gap_operator.T @ (spring * system.initial_gap / system.area)
-    diagonal = system.area[rows] * c * (1 + c / k)
-
-    def schur(values: Array) -> Array:
-        return diagonal * values + operator @ tangents.solve(operator.T @ values)
-
-    right = -(operator @ tangents.solve(load) + system.initial_gap[rows])
-    scale = law.stiffness[rows] * k
-    preconditioner = diags_array(law.stiffness[rows] / system.area[rows])
-    complement = LinearOperator((len(rows), len(rows)), schur, dtype=float)
-
-    def counted(_: Array) -> None:
-        tangents.iterations += 1
-
-    options = {"rtol": EXACT, "maxiter": MOST_ITERATIONS, "M": preconditioner, "callback": counted}
-    with np.errstate(over="ignore", invalid="ignore"):
-        found, _ = cg(complement, right, guess[rows] * scale, **options)
-    if not np.all(np.isfinite(found)):
-        raise SingularMatrixError
-    free = tangents.solved(active, load + operator.T @ found)
-    multiplier = np.zeros(len(active))
-    multiplier[rows] = found / scale
-    return free, spring * (shift * multiplier - system.control_gaps(free))
 
 
 def _judged(task: _Task, free: Array, pressure: Array, active: Mask, least: float) -> tuple[Step, Mask, float]:

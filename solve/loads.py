@@ -1,6 +1,7 @@
 """Nodal forces of pressures, tractions and body forces."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import cache
 
 import numpy as np
 
@@ -8,11 +9,14 @@ from geom2iga.bspline import Array
 from geom2iga.errors import CaseError
 from geom2iga.model import Model
 from geom2iga.patch import Face
+from solve.bricks import find_bricks
 from solve.case import BodyForce, Contact, Load
 from solve.contact.cells import Cells, find_cells
-from solve.face import area_vectors, surface_of, trace_matrix
+from solve.face import area_vectors, nodal_forces, surface_of
 from solve.material import named_bodies
-from solve.space import Space, gauss_points, volume_quadrature
+from solve.metric import scaling, volumes_of
+from solve.rules import full_rules
+from solve.space import Space, gauss_points
 
 Covers = Sequence[tuple[Contact, tuple[Cells, ...]]]
 
@@ -35,13 +39,14 @@ def assemble_loads(space: Space, loads: Sequence[Load], body_forces: Sequence[Bo
     CaseError
         Unknown faces or bodies; an exposed load on a face that takes part in no contact.
     """
-    forces = np.zeros((space.size, 3))
+    forces, exact = np.zeros((space.size, 3)), cache(lambda number: _exact_cells(space.model, *covers[number]))
     for number, load in enumerate(loads):
         try:
             for face in space.model.faces(load.on):
-                forces += face_load(space, face, load)
+                np.add.at(forces, space.face_numbers(face), face_load(space, face, load))
             if load.exposed:
-                forces -= _covered_load(space, load, covers)
+                for face, part in _covered(space.model, load, covers, exact):
+                    np.subtract.at(forces, space.face_numbers(face), _cell_load(space, face, load, part))
         except CaseError as error:
             raise CaseError(f"solve.load[{number}]: {error}") from None
     for number, entry in enumerate(body_forces):
@@ -51,21 +56,23 @@ def assemble_loads(space: Space, loads: Sequence[Load], body_forces: Sequence[Bo
 
 
 def face_load(space: Space, face: Face, load: Load) -> Array:
-    """Integrate a pressure or traction over a whole face: f_A = ∫ R_A t dΓ, forces (n, 3)."""
+    """Integrate a pressure or traction over a whole face: f_A = ∫ R_A t dΓ, forces (c, 3) on its control points."""
     surface = surface_of(space.model, face)
     gauss = gauss_points(surface.patch, [space.point_counts[face.patch][axis] for axis in face.axes])
-    _, normal, stretch = area_vectors(surface, gauss.xi)
-    return trace_matrix(space, face, gauss.xi).T @ (_traction(load, normal) * (stretch * gauss.weights)[:, None])
+    _, normal, stretch = area_vectors(surface, gauss.xi, gauss.spans)
+    return nodal_forces(surface, gauss.xi, gauss.spans, _traction(load, normal) * (stretch * gauss.weights)[:, None])
 
 
 def body_load(space: Space, body: str, force: Array) -> Array:
     """Integrate a force per volume (3,) over a body: f_A = ∫ R_A b dV, forces (n, 3)."""
     forces = np.zeros((space.size, 3))
     for name in space.model.bodies[body]:
-        for part in volume_quadrature(space.model.patches[name], space.point_counts[name]):
-            volume = np.einsum("eqa,eq->ea", part.values, part.volume).ravel()
-            share = np.bincount(space.numbers[name][part.indices].ravel(), volume, space.size)
-            forces += share[:, None] * force
+        patch = space.model.patches[name]
+        shares = np.zeros(patch.shape)
+        for brick in find_bricks(patch, full_rules(space)[name]):
+            volume, weight = volumes_of(brick, patch)
+            shares[brick.functions] += brick.moments(volume / weight)
+        forces += np.multiply.outer(space.spread(name) @ (shares * scaling(patch)).ravel(), force)
     return forces
 
 
@@ -76,23 +83,25 @@ def _traction(load: Load, normal: Array) -> Array:
     return np.broadcast_to(np.array(load.traction), normal.shape)
 
 
-def _covered_load(space: Space, load: Load, covers: Covers) -> Array:
-    """The load on the part of a face that contact partners cover, cut out exactly whatever the contact's own rule."""
-    faces, forces, counted = set(space.model.faces(load.on)), np.zeros((space.size, 3)), set()
-    partners = [cover for cover in covers if faces & _sides(space.model, cover[0])]
+def _exact_cells(model: Model, contact: Contact, cells: tuple[Cells, ...]) -> tuple[Cells, ...]:
+    """Cut the cells of a contact exactly, whatever its own rule."""
+    exact = contact.model_copy(update={"integration": "segment", "points": None})
+    return cells if contact == exact else find_cells(model, exact)
+
+
+def _covered(
+    model: Model, load: Load, covers: Covers, exact: Callable[[int], tuple[Cells, ...]]
+) -> Iterator[tuple[Face, Cells]]:
+    """Yield what contact partners cover of the faces of a load: each face with the cells on it, of every partner."""
+    faces, counted = set(model.faces(load.on)), set()
+    partners = [number for number, (contact, _) in enumerate(covers) if faces & _sides(model, contact)]
     if not partners:
         raise CaseError(f'exposed = true, but "{load.on}" takes part in no contact: leave it out')
-    for contact, cells in partners:
-        exact = contact.model_copy(update={"integration": "segment", "points": None})
-        for part in cells if contact == exact else find_cells(space.model, exact):
-            pair = frozenset((part.secondary, part.primary))
-            if pair in counted:  # either side may be secondary in turn: what is covered counts once
-                continue
+    for part in (part for number in partners for part in exact(number)):
+        pair = frozenset((part.secondary, part.primary))
+        if pair not in counted:  # either side may be secondary in turn: what is covered counts once
             counted.add(pair)
-            for on_secondary in (True, False):
-                if (part.secondary if on_secondary else part.primary) in faces:
-                    forces += _cell_load(space, load, part, on_secondary)
-    return forces
+            yield from ((face, part) for face in (part.secondary, part.primary) if face in faces)
 
 
 def _sides(model: Model, contact: Contact) -> set[Face]:
@@ -100,11 +109,11 @@ def _sides(model: Model, contact: Contact) -> set[Face]:
     return {*model.faces(contact.secondary), *model.faces(contact.primary)}
 
 
-def _cell_load(space: Space, load: Load, cells: Cells, on_secondary: bool) -> Array:
-    """The load on one side of some cells, forces (n, 3)."""
-    face = cells.secondary if on_secondary else cells.primary
+def _cell_load(space: Space, face: Face, load: Load, cells: Cells) -> Array:
+    """The load on one side of some cells, forces (c, 3) on the control points of the face."""
+    surface, on_secondary = surface_of(space.model, face), face == cells.secondary
     xi = cells.secondary_xi if on_secondary else cells.primary_xi
     spans = cells.secondary_spans if on_secondary else cells.primary_spans
     area = cells.area if on_secondary else cells.primary_area
-    _, normal, _ = area_vectors(surface_of(space.model, face), xi, spans)
-    return trace_matrix(space, face, xi, spans).T @ (_traction(load, normal) * area[:, None])
+    normal = area_vectors(surface, xi, spans)[1] if on_secondary else cells.normal
+    return nodal_forces(surface, xi, spans, _traction(load, normal) * area[:, None])

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import NamedTuple
 
@@ -10,10 +10,13 @@ import numpy as np
 
 from geom2iga.bspline import Array
 from solve.case import Newton
-from solve.linear import SingularMatrixError, Tangents
+from solve.linear import SingularMatrixError, SlowError, SuperLU
 from solve.system import System
+from solve.tangents import Factorised, Tangents
 
+APPROACHES = 5  # in which the area on which rigid bodies rest is found
 SETTLED = 1e-8  # largest relative residual at which rounding may end the iteration
+COARSE, FINE = 1e-3, 1e-4  # relative tolerance of linear solutions while gaps open and close, and when none does
 ROUNDING = 1e-14  # residual, over the largest force that ever acted, that is a rounding error
 
 
@@ -32,6 +35,7 @@ class Status(Enum):
     )
     UNBOUNDED = "a body is pulled off and nothing holds it: check the direction of the loads, or add a support"
     SINGULAR = "the tangent is singular: check that every body is held, and that moduli and penalty are not extreme"
+    SLOW = 'conjugate gradients do not converge: take solve.linear.method = "direct"'
     INACCURATE = (
         "rounding errors stop the iteration short of equilibrium: penalty, moduli or gaps differ too much in size"
     )
@@ -66,6 +70,7 @@ class Iterate(NamedTuple):
     """A point of the iteration."""
 
     free: Array  # (free,)
+    inner: Array  # (free,) forces of the stresses, K v
     gap: Array  # (m,) control-point gaps [length]
     residual: Array  # (free,) forces out of balance
     energy: float
@@ -97,48 +102,59 @@ def minimise(
 ) -> Solution:
     """Minimise the energy.
 
-    The energy is convex and piecewise quadratic. A full step of the semismooth Newton method depends on the active set
-    alone, so full steps end at the minimum unless they come back to a set that they had before. Then the iteration
-    returns to the iterate of least energy and takes the step that is exactly best along its direction. So the energy
-    falls from cycle to cycle, and the iteration ends after finitely many steps. Where the pressed control points do
-    not hold every body, bodies first follow their loads along the rigid motions that nothing resists, until a gap
-    closes.
+    The energy is convex and piecewise quadratic. A full step of the semismooth Newton method leads to the minimum for
+    its active set; where the energy would rise, the step that is exactly best along the same direction is taken. So
+    the energy falls from step to step, no active set comes back, and the iteration ends after finitely many steps.
+    Where the pressed control points do not hold every body, bodies follow their loads along the rigid motions that
+    nothing resists, until a gap closes.
 
     Parameters
     ----------
     report : function
         Is told of each step.
     start : (free,)
-        Where to begin; left out, undeformed, and bodies that contact alone holds are first tied to it.
+        Where to begin; left out, undeformed, bodies that contact alone holds where they balance as rigid ones.
     """
     history: list[Step] = []
-    at = _iterate(system, np.zeros(len(system.load)) if start is None else start)
-    floating = not system.holds(np.zeros(len(system.area), dtype=bool))
-    held, best, seen = not floating, (at, at.residual), set[bytes]()
+    start = _balanced(system, settings) if start is None else start
+    undeformed = np.zeros(len(system.load))
+    at = iterate(system, start, system.force_scale(undeformed, undeformed))
+    held = system.holds(np.zeros(len(system.area), dtype=bool))
     try:
         while (status := _verdict(at, history, settings, held)) is None:
             began = time.perf_counter()
-            tied = floating and start is None and not history
             held = system.holds(at.gap <= 0)
-            direction = _tied(system, at, tangents) if tied else _direction(system, at, held, settings, tangents)
-            exact = 1.0 if tied else exact_step(system, at.free, direction)
-            if not np.isfinite(exact):
-                status = Status.UNBOUNDED
-                break
-            length = 1.0 if held else exact
-            before, at = at, _iterate(system, at.free + length * direction, at.largest)
-            if held and not tied:
-                best = min(best, (before, direction), key=lambda pair: pair[0].energy)
-                if before.active in seen and at.active != before.active and at.energy >= best[0].energy:
-                    length = exact_step(system, best[0].free, best[1])
-                    at = _iterate(system, best[0].free + length * best[1], at.largest)
-                    seen.clear()
-                seen.add(before.active)
+            direction = _direction(system, at, held, settings, tangents, history)
+            before, at, length = at, iterate(system, at.free + direction, at.largest), 1.0
+            if not held or (at.energy > before.energy and at.active != before.active):
+                inner = system.stiffness @ direction
+                length = exact_step(system, before, direction, inner)
+                if not np.isfinite(length):
+                    status, at = Status.UNBOUNDED, before
+                    break
+                at = _evaluated(system, before.free + length * direction, before.inner + length * inner, before.largest)
             history.append(_step(before, at, length, len(history) + 1, time.perf_counter() - began))
             report(history[-1])
+    except SlowError:
+        status = Status.SLOW
     except SingularMatrixError:
         status = Status.SINGULAR
     return Solution(status, at.free, system.law.pressure(at.gap), tuple(history), at.largest)
+
+
+def _balanced(system: System, settings: Newton) -> Array:
+    """Displacement (free,) of bodies that contact alone holds, in equilibrium as rigid ones on elastic half-spaces."""
+    motions, free = system.rigid.shape[1], len(system.load)
+    if motions == free or system.holds(np.zeros(len(system.area), dtype=bool)):
+        return np.zeros(free)
+    rigid, count = system.rigidly(), 0
+    for _ in range(APPROACHES):
+        yielding = replace(rigid, law=system.law.yielding(count))
+        found = minimise(yielding, settings, Factorised(yielding.tangent, SuperLU()))
+        before, count = count, int(np.count_nonzero(found.pressure))
+        if count == before:
+            break
+    return system.rigid @ found.free
 
 
 def _step(before: Iterate, after: Iterate, length: float, number: int, seconds: float) -> Step:
@@ -148,10 +164,15 @@ def _step(before: Iterate, after: Iterate, length: float, number: int, seconds: 
     return Step(number, after.relative, int(active.sum()), changes, length, after.energy, seconds)
 
 
-def _iterate(system: System, free: Array, largest: float = 0.0) -> Iterate:
-    scale = system.force_scale(free)
-    gap, residual = system.control_gaps(free), system.residual(free)
-    return Iterate(free, gap, residual, system.energy(free), scale, max(scale, largest))
+def iterate(system: System, free: Array, largest: float = 0.0) -> Iterate:
+    """Evaluate a displacement (free,)."""
+    return _evaluated(system, free, system.stiffness @ free if free.any() else free, largest)
+
+
+def _evaluated(system: System, free: Array, inner: Array, largest: float) -> Iterate:
+    scale = system.force_scale(free, inner)
+    gap, residual = system.control_gaps(free), system.residual(free, inner)
+    return Iterate(free, inner, gap, residual, system.energy(free, inner), scale, max(scale, largest))
 
 
 def _verdict(at: Iterate, history: list[Step], settings: Newton, held: bool) -> Status | None:
@@ -164,14 +185,17 @@ def _verdict(at: Iterate, history: list[Step], settings: Newton, held: bool) -> 
     """
     if at.relative <= settings.tolerance:
         return Status.CONVERGED
-    last = history[-1] if held and len(history) > 1 else None
-    if last and last.length == 1 and last.changes == 0 and at.relative > history[-2].residual / 2:
-        small = at.relative <= SETTLED or at.error <= ROUNDING * at.largest
-        return Status.CONVERGED if small else Status.INACCURATE
+    if held and len(history) > 1 and at.relative > history[-2].residual / 2:
+        if at.error <= ROUNDING * at.largest:
+            return Status.CONVERGED
+        if history[-1].length == 1 and history[-1].changes == 0:
+            return Status.CONVERGED if at.relative <= SETTLED else Status.INACCURATE
     return Status.MAX_STEPS if len(history) >= settings.max_steps else None
 
 
-def _direction(system: System, at: Iterate, held: bool, settings: Newton, tangents: Tangents) -> Array:
+def _direction(
+    system: System, at: Iterate, held: bool, settings: Newton, tangents: Tangents, history: list[Step]
+) -> Array:
     """Direction (free,) of the next step: Newton's, or a push along rigid motions that nothing resists yet."""
     active = at.gap <= 0
     if not held:
@@ -180,23 +204,12 @@ def _direction(system: System, at: Iterate, held: bool, settings: Newton, tangen
         if np.abs(push).max(initial=0.0) > settings.tolerance * at.largest:
             return push
         active = np.ones_like(active)  # nothing pushes: any springs will do
-    return tangents.solved(active, at.residual)
+    settled = history and history[-1].changes == 0
+    return tangents.solved(active, at.residual, FINE if settled else COARSE)
 
 
-def _tied(system: System, at: Iterate, tangents: Tangents) -> Array:
-    """First step for bodies that contact alone holds: to where the nearest candidates, tied by their penalty, pull."""
-    nearest = np.argsort(at.gap, kind="stable")
-    count, tied = max(1, system.rigid.shape[1]), np.zeros(len(at.gap), dtype=bool)
-    tied[nearest[:count]] = True
-    while count < len(nearest) and not system.holds(tied):
-        count *= 2
-        tied[nearest[:count]] = True
-    pulling = system.gap_operator.T @ (system.law.stiffness * np.where(tied, np.maximum(at.gap, 0.0), 0.0))
-    return tangents.solved(tied | (at.gap <= 0), at.residual - pulling)
-
-
-def exact_step(system: System, free: Array, direction: Array) -> float:
-    """Minimise the energy along a direction exactly.
+def exact_step(system: System, at: Iterate, direction: Array, inner: Array) -> float:
+    """Minimise the energy along a direction (free,) with inner forces (free,) exactly.
 
     Its slope there is φ'(t) = a + b t + Σ_A ε A_A min(g_A + t s_A, 0) s_A, which rises piecewise linearly: sort where
     control points open or close, add up the pieces, find the one that crosses zero.
@@ -206,11 +219,11 @@ def exact_step(system: System, free: Array, direction: Array) -> float:
     float
         The minimiser t >= 0; infinite where the energy falls without end.
     """
-    gap = system.control_gaps(free)
+    gap = at.gap
     rate = (system.gap_operator @ direction) / system.area
     stiffness = system.law.stiffness * system.area
-    intercept = float(direction @ (system.stiffness @ free - system.load))
-    slope = float(direction @ (system.stiffness @ direction))
+    intercept = float(direction @ (at.inner - system.load))
+    slope = float(direction @ inner)
     touching = (gap < 0) | ((gap == 0) & (rate < 0))
     intercept += np.sum((stiffness * gap * rate)[touching])
     slope += np.sum((stiffness * rate**2)[touching])

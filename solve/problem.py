@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from geom2iga.bspline import Array
+from geom2iga.bspline import Array, Indices
 from geom2iga.errors import CaseError
-from geom2iga.model import Model
+from geom2iga.model import Face, Model
 from solve.case import Contact, Solve
 from solve.constraints import AffineMap, constrain, find_conditions
 from solve.contact.cells import Cells, find_cells
@@ -15,7 +15,7 @@ from solve.contact.laws import Law, find_law, find_penalty, joined, stiffness_sc
 from solve.contact.mortar import Mortar, assemble_mortar, stacked
 from solve.loads import assemble_loads
 from solve.material import Material, find_materials
-from solve.rigid import check_held, check_pressed, rigid_modes, unsupported
+from solve.rigid import check_held, check_pressed, unsupported
 from solve.space import Space, check_right_handed, number_control_points
 
 
@@ -46,6 +46,18 @@ class Problem(NamedTuple):
     def law(self) -> Law:
         """The laws of all passes below each other."""
         return joined([part.law for part in self.passes])
+
+    @property
+    def touching(self) -> tuple[Face, ...]:
+        """Faces that take part in contacts."""
+        groups = [g for part in self.passes for g in (part.definition.secondary, part.definition.primary)]
+        return tuple(face for group in groups for face in self.space.model.faces(group))
+
+    @property
+    def points(self) -> Indices:
+        """Control point (m,) of each gap; -1 where its pressure is not that of a control point."""
+        rows = [np.where(part.definition.on_control_points, part.mortar.rows, -1) for part in self.passes]
+        return np.concatenate([np.empty(0, dtype=np.int64), *rows])
 
     @property
     def size(self) -> float:
@@ -80,7 +92,7 @@ def prepare(model: Model, case: Solve) -> Problem:
     check_held(space, conditions, mortar)
     covers = [(part.definition, part.cells) for part in passes]
     load = assemble_loads(space, case.load, case.body_force, covers).ravel()
-    rigid = unsupported(rigid_modes(space), conditions)
+    rigid = unsupported(space, conditions)
     check_pressed(space, rigid, mortar, load)
     return Problem(case, space, materials, tuple(passes), mortar, allowed, load, rigid)
 

@@ -14,63 +14,76 @@ from solve.space import Space, united
 NEGLIGIBLE = 1e-9  # singular values below this fraction of the largest, or of 1, count as zero
 
 
-class Piece(NamedTuple):
-    """A body, or what hangs together of one whose patches are not all glued to each other."""
+class Pieces(NamedTuple):
+    """What can move by itself: a body, or what hangs together of one whose patches are not all glued to each other."""
 
-    name: str
-    control_points: Indices  # global numbers
+    names: tuple[str, ...]
+    owner: Indices  # (n,) piece of each control point
+    arm: Array  # (n, 3) from the centre of the piece, in units of the longest
 
 
-def find_pieces(space: Space) -> tuple[Piece, ...]:
+def find_pieces(space: Space) -> Pieces:
     """Find what can move by itself, body by body."""
     patches = list(space.model.patches)
     glued = [[patches.index(face.patch) for face in (pair.first, pair.second)] for pair in space.model.glued]
     numbers, _ = united(np.array(glued, dtype=np.int64).reshape(-1, 2).T, len(patches))
     clusters = dict(zip(patches, numbers.tolist(), strict=True))
-    pieces = []
+    pieces, owner = list[str](), np.zeros(space.size, dtype=np.int64)
     for body, names in space.model.bodies.items():
         for cluster in dict.fromkeys(clusters[name] for name in names):
             inside = [name for name in names if clusters[name] == cluster]
             apart = f'the piece of body "{body}" with patch "{inside[0]}", not glued to the rest of the body,'
-            of_piece = np.unique(np.concatenate([space.numbers[name] for name in inside]))
-            pieces.append(Piece(f'body "{body}"' if len(inside) == len(names) else apart, of_piece))
-    return tuple(pieces)
+            for name in inside:
+                owner[space.numbers[name]] = len(pieces)
+            pieces.append(f'body "{body}"' if len(inside) == len(names) else apart)
+    points, size = space.control_points, np.zeros(len(pieces))
+    centre = np.stack([np.bincount(owner, x) for x in points.T], axis=1) / np.bincount(owner)[:, None]
+    arm = points - centre[owner]
+    np.maximum.at(size, owner, np.linalg.norm(arm, axis=1))
+    return Pieces(tuple(pieces), owner, arm / size[owner, None])
 
 
-def rigid_modes(space: Space) -> Array:
-    """Make the rigid displacements (dofs, 6 pieces): 3 slides and 3 turns about the centre of each, of size 1."""
-    pieces, points = find_pieces(space), space.control_points
-    modes = np.zeros((space.size, 3, 6 * len(pieces)))
-    for number, (_, of_piece) in enumerate(pieces):
-        arm = points[of_piece] - points[of_piece].mean(axis=0)
-        arm /= np.linalg.norm(arm, axis=1).max()
-        for i, axis in enumerate(np.eye(3)):
-            modes[of_piece, :, 6 * number + i] = axis
-            modes[of_piece, :, 6 * number + 3 + i] = np.cross(axis, arm)
-    return modes.reshape(space.dofs, -1)
+def rigid_modes(pieces: Pieces, points: Indices) -> Array:
+    """Make the rigid displacements (k, 3, 6 pieces) of some control points (k,).
+
+    For each piece 3 slides and 3 turns about its centre, of size 1.
+    """
+    modes = np.zeros((len(points), 3, len(pieces.names), 6))
+    own, arm = pieces.owner[points], pieces.arm[points]
+    for i, axis in enumerate(np.eye(3)):
+        modes[np.arange(len(points)), :, own, i] = axis
+        modes[np.arange(len(points)), :, own, 3 + i] = np.cross(axis, arm)
+    return modes.reshape(len(points), 3, 6 * len(pieces.names))
 
 
-def unsupported(modes: Array, conditions: Conditions) -> Array:
-    """Combine rigid modes (dofs, k) to those (dofs, f) that the supports do not resist."""
-    return modes @ kernel(_prescribed(modes, conditions))
+def unsupported(space: Space, conditions: Conditions) -> Array:
+    """Find the rigid motions (dofs, f) that the supports do not resist."""
+    pieces = find_pieces(space)
+    free = kernel(_prescribed(pieces, conditions))
+    motions = np.empty((space.size, 3, free.shape[1]))
+    for number, shares in enumerate(free.T):
+        slides, turns = np.moveaxis(shares.reshape(-1, 2, 3), 1, 0)
+        motions[:, :, number] = slides[pieces.owner] + np.cross(turns[pieces.owner], pieces.arm)
+    return motions.reshape(space.dofs, free.shape[1])
 
 
-def _prescribed(modes: Array, conditions: Conditions) -> Array:
-    """Components (c, k) of modes (dofs, k) that the supports prescribe."""
-    at = modes.reshape(-1, 3, modes.shape[1])[conditions.control_points]
-    return np.einsum("ci,cik->ck", conditions.directions, at)
+def _prescribed(pieces: Pieces, conditions: Conditions) -> Array:
+    """Components (c, 6 pieces) of the rigid motions that the supports prescribe."""
+    return np.einsum("ci,cik->ck", conditions.directions, rigid_modes(pieces, conditions.control_points))
 
 
 def check_held(space: Space, conditions: Conditions, mortar: Mortar) -> None:
     """Raise CaseError that names the bodies and their free motions, contact taken as closed and tied."""
-    modes = rigid_modes(space)
-    supported = _prescribed(modes, conditions)
-    free = kernel(np.concatenate([supported, (mortar.gap_operator @ modes) / mortar.area[:, None]]))
+    pieces, operator = find_pieces(space), mortar.gap_operator
+    touched = np.unique(operator.indices)
+    modes = rigid_modes(pieces, touched // 3)[np.arange(len(touched)), touched % 3]
+    opening = (operator[:, touched] @ modes) / mortar.area[:, None]
+    free = kernel(np.concatenate([_prescribed(pieces, conditions), opening]))
     sentences = []
-    for number, piece in enumerate(find_pieces(space)):
+    for number, name in enumerate(pieces.names):
         motions = _describe(free[6 * number : 6 * number + 6])
         if motions:
-            sentences.append(f"{piece.name} can {motions}")
+            sentences.append(f"{name} can {motions}")
     if sentences:
         raise CaseError(f"{'; '.join(sentences)}: add a support")
 
@@ -86,10 +99,10 @@ def check_pressed(space: Space, rigid: Array, mortar: Mortar, load: Array) -> No
     work, opening = load @ rigid, (mortar.gap_operator @ rigid) / mortar.area[:, None]
     found = linprog(-work, A_ub=-opening, b_ub=np.zeros(len(opening)), bounds=(-1, 1))
     if found.status == 0 and -found.fun > NEGLIGIBLE * np.abs(load).sum():
-        motion = (rigid @ found.x).reshape(-1, 3)
-        moved = max(find_pieces(space), key=lambda piece: np.abs(motion[piece.control_points]).max())
+        motion, pieces = (rigid @ found.x).reshape(-1, 3), find_pieces(space)
+        moved = pieces.names[pieces.owner[np.argmax(np.abs(motion).max(axis=1))]]
         raise CaseError(
-            f"the loads pull {moved.name} off its contact and nothing else holds it: turn the loads or add a support"
+            f"the loads pull {moved} off its contact and nothing else holds it: turn the loads or add a support"
         )
 
 

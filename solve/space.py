@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.sparse import coo_array
+from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components
 
 from geom2iga.bspline import Array, Indices, breaks, find_spans, greville
@@ -57,6 +57,11 @@ class Space:
         """Gauss points per span of each patch, as `point_counts` chooses them."""
         return MappingProxyType({name: point_counts(patch) for name, patch in self.model.patches.items()})
 
+    def spread(self, patch: str) -> csr_array:
+        """Matrix (size, n) that adds up what control points of a patch have, where one may stand twice."""
+        numbers = self.numbers[patch]
+        return csr_array((np.ones(len(numbers)), (numbers, np.arange(len(numbers)))), shape=(self.size, len(numbers)))
+
     def face_grid(self, face: Face) -> Indices:
         """Global control-point numbers of a face, (n_1, n_2) in the sequence of `Face.axes`."""
         return self.numbers[face.patch][face_indices(self.model.patches[face.patch], face)]
@@ -103,6 +108,11 @@ def check_right_handed(model: Model) -> None:
         middle = np.array([[at.mean() for at in patch.breaks]])
         if np.linalg.det(evaluate(patch, middle, 1)[1][0]) <= 0:
             raise GeometryError(f'patch "{name}" is left-handed: reverse one direction (geom2iga.reversed_along)')
+
+
+def is_rational(patch: Patch) -> bool:
+    """Whether weights differ; if not, they do not matter."""
+    return bool(np.ptp(patch.weights) > 0)
 
 
 def is_affine(patch: Patch) -> bool:

@@ -15,7 +15,10 @@ from geom2iga.model import Face, Model, side_faces
 from geom2iga.patch import Patch, elevated, evaluate, refined
 from solve import Result
 from solve.contact.laws import Penalty
+from solve.linear import DirectSolver
+from solve.newton import exact_step, iterate
 from solve.system import System
+from solve.tangents import Factorised
 
 UNIT = np.stack(np.meshgrid([0.0, 1], [0.0, 1], [0.0, 1], indexing="ij"), axis=-1)  # corners (2, 2, 2, 3)
 AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
@@ -160,6 +163,16 @@ def contact_system(seed: int, free: int, contacts: int, rigid_motions: int = 0) 
         Penalty(10 ** random.uniform(-1, 3, contacts)),
         rigid,
     )
+
+
+def exact_step_along(system: System, free: Array, direction: Array) -> float:
+    """The step that is exactly best from a displacement (free,) along a direction (free,)."""
+    return exact_step(system, iterate(system, free), direction, system.stiffness @ direction)
+
+
+def solved(solver: DirectSolver, matrix: csr_array, right: Array) -> Array:
+    """Factorise, solve and refine."""
+    return Factorised(lambda active: matrix, solver).solved(np.empty(0, dtype=bool), right)
 
 
 def converged(model: Model, case: Any) -> Result:

@@ -1,6 +1,6 @@
 """Laws that many tests assert."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -8,6 +8,8 @@ import numpy as np
 from geom2iga.bspline import Array
 from geom2iga.model import Model
 from geom2iga.patch import Patch, evaluate
+from solve.material import Material
+from solve.space import Space, volume_quadrature
 from tests.cases import sample_points
 
 
@@ -81,3 +83,17 @@ def assert_same_map(found: Patch, expected: Patch, tolerance: float = 1e-13) -> 
     xi = sample_points(expected)
     scale = np.abs(expected.control_points).max()
     np.testing.assert_allclose(evaluate(found, xi)[0], evaluate(expected, xi)[0], rtol=0, atol=tolerance * scale)
+
+
+def stiffness_by_spans(space: Space, materials: Mapping[str, Material]) -> Array:
+    """The stiffness matrix (dofs, dofs), dense: the weak form at all points, added up span by span."""
+    stiffness = np.zeros((space.size, 3, space.size, 3))
+    for name, patch in space.model.patches.items():
+        lame, mu = materials[space.model.body_of(name)].lame
+        for part in volume_quadrature(patch, space.point_counts[name]):
+            products = np.einsum("eqai,eqbj,eq->eaibj", part.gradients, part.gradients, part.volume, optimize=True)
+            shear = np.einsum("eakbk,ij->eaibj", products, np.eye(3))
+            local = lame * products + mu * (products.swapaxes(2, 4) + shear)
+            numbers = space.numbers[name][part.indices]
+            np.add.at(stiffness, (numbers[:, :, None], slice(None), numbers[:, None]), local.swapaxes(2, 3))
+    return stiffness.reshape(space.dofs, space.dofs)

@@ -12,9 +12,10 @@ from geom2iga.patch import Face, Patch
 from geom2iga.projection import closest_points
 from solve.case import Contact
 from solve.contact.charts import FACING, frame_at
+from solve.contact.search import may_lie_opposite
 from solve.contact.segments import enough_points, find_segments, integration_points
 from solve.face import Surface, area_vectors, surface_of
-from solve.space import FLAT, gauss_points, is_affine
+from solve.space import FLAT, gauss_points
 
 TOUCHING = 1e-14  # gaps below this fraction of the largest coordinate are rounding errors
 
@@ -30,6 +31,8 @@ class Cells:
         Parametric points on either side; a little outside of their span, or the face, where outlines are curved.
     secondary_spans, primary_spans : (q, 2)
         Whose polynomials are meant there, as knot indices.
+    points : (q, 3)
+        Positions on the secondary side [length].
     area : (q,)
         Weight on the secondary side [length²].
     primary_area : (q,)
@@ -46,12 +49,13 @@ class Cells:
     primary_xi: Array
     secondary_spans: Indices
     primary_spans: Indices
+    points: Array
     area: Array
     primary_area: Array
     normal: Array
     gap: Array
 
-    def chosen(self, kept: Mask) -> "Cells":
+    def chosen(self, kept: Mask | slice) -> "Cells":
         """Some of the points."""
         names = (field.name for field in fields(self) if field.name not in ("secondary", "primary"))
         return replace(self, **{name: getattr(self, name)[kept] for name in names})
@@ -95,14 +99,13 @@ def element_cells(
         Largest gap that is looked at [length]; left out, any.
     """
     gauss = gauss_points(secondary.patch, None if points is None else (points, points))
-    at, normal, stretch = area_vectors(secondary, gauss.xi)
-    area = stretch * gauss.weights
+    at, normal, _ = area_vectors(secondary, gauss.xi)
     nearest, foot = nearest_feet(at, normal, primary, reach)
     cells = []
     for number, surface in enumerate(primary):
         own = nearest == number
         spans = _spans_at(surface.patch, foot[own])
-        cells.append(_paired(secondary, surface, gauss.xi[own], foot[own], area[own], gauss.spans[own], spans))
+        cells.append(_paired(secondary, surface, gauss.xi[own], foot[own], gauss.weights[own], gauss.spans[own], spans))
     return tuple(cells)
 
 
@@ -159,23 +162,26 @@ def segment_cells(
     Parameters
     ----------
     points : int
-        Points per direction in each part of a cell; left out, secondary degree + primary degree + 1, and as many more
+        Points per direction in each part of a cell; left out, as many as are exact between planes, and as many more
         as uniform pressure needs to balance.
     reach : float
         Largest gap that is looked at [length]: cells all beyond it are left out. Left out, any.
     """
-    parts = [(surface, _cut_cells(secondary, surface, points, reach)) for surface in primary]
-    opposite = [(surface, part) for surface, part in parts if len(part.area)]
+    near = [surface for surface in primary if may_lie_opposite(secondary, surface)]
+    parts = [(surface, _cut_cells(secondary, surface, points, reach)) for surface in near]
+    opposite = [(surface, part) for surface, part in parts if part is not None and len(part.area)]
     return tuple(_seen(secondary, surface, part, [other for other, _ in opposite]) for surface, part in opposite)
 
 
-def _cut_cells(secondary: Surface, primary: Surface, points: int | None, reach: float | None) -> Cells:
-    """Cut the cells of one pair of faces."""
+def _cut_cells(secondary: Surface, primary: Surface, points: int | None, reach: float | None) -> Cells | None:
+    """Cut the cells of one pair of faces, if any."""
     segments = find_segments(secondary, primary, reach)
-    rule = integration_points(segments, points or enough_points(segments))
+    if not len(segments.owner):
+        return None
+    counts = np.full(len(segments.owner), points) if points else enough_points(segments)
+    rule = integration_points(segments, counts)
     spans_s, spans_m = segments.spans[rule.segment], segments.outlines.spans[segments.owner[rule.segment]]
-    stretch = area_vectors(secondary, rule.secondary_xi, spans_s)[2]
-    cells = _paired(secondary, primary, rule.secondary_xi, rule.primary_xi, rule.weights * stretch, spans_s, spans_m)
+    cells = _paired(secondary, primary, rule.secondary_xi, rule.primary_xi, rule.weights, spans_s, spans_m)
     kept = rule.found
     if reach is not None:
         within = np.bincount(rule.segment, np.abs(cells.gap) <= reach, len(segments.owner)) > 0
@@ -185,42 +191,45 @@ def _cut_cells(secondary: Surface, primary: Surface, points: int | None, reach: 
 
 def _seen(secondary: Surface, primary: Surface, cells: Cells, opposite: Sequence[Surface]) -> Cells:
     """Leave out the points that lie opposite a nearer primary face, or a nearer flank of one with kinks."""
-    rivals = [other for other in opposite if other is not primary or _is_kinked(primary.patch)]
+    rivals = [other for other in opposite if other is not primary or _is_kinked(primary)]
     if not rivals:
         return cells
-    at, normal, _ = area_vectors(secondary, cells.secondary_xi, cells.secondary_spans)
-    hidden = np.zeros(len(at), dtype=bool)
+    at, hidden = cells.points, np.zeros(len(cells.area), dtype=bool)
     for other in rivals:
         corners = other.patch.control_points.reshape(-1, 3)
         beside = np.maximum(0, np.maximum(corners.min(axis=0) - at, at - corners.max(axis=0)))
         rival = np.flatnonzero(np.linalg.norm(beside, axis=1) < (1 - FLAT) * np.abs(cells.gap))
-        away, _ = _feet(at[rival], normal[rival], other)
+        if not rival.size:
+            continue
+        _, normal, _ = area_vectors(secondary, cells.secondary_xi[rival], cells.secondary_spans[rival])
+        away, _ = _feet(at[rival], normal, other)
         hidden[rival] = hidden[rival] | (away < (1 - FLAT) * np.abs(cells.gap[rival]))
     return cells.chosen(~hidden) if hidden.any() else cells
 
 
-def _is_kinked(patch: Patch) -> bool:
+def _is_kinked(surface: Surface) -> bool:
     """Whether the tangents may jump along a knot line."""
-    inside = any(len(sharp_breaks(*direction)) > 2 for direction in zip(patch.knots, patch.degrees, strict=True))
-    return inside and not is_affine(patch)
+    directions = zip(surface.patch.knots, surface.patch.degrees, strict=True)
+    return any(len(sharp_breaks(*direction)) > 2 for direction in directions) and not surface.is_affine
 
 
 def _paired(
-    secondary: Surface, primary: Surface, xi_s: Array, xi_m: Array, area: Array, spans_s: Indices, spans_m: Indices
+    secondary: Surface, primary: Surface, xi_s: Array, xi_m: Array, weights: Array, spans_s: Indices, spans_m: Indices
 ) -> Cells:
-    """Evaluate normal and gap at pairs of parametric points."""
-    at_s, normal_s, _ = area_vectors(secondary, xi_s, spans_s)
+    """Evaluate area, normal and gap at pairs of parametric points with parametric weights on the secondary side."""
+    at_s, normal_s, stretch = area_vectors(secondary, xi_s, spans_s)
     at_m, normal, _ = area_vectors(primary, xi_m, spans_m)
     gap = np.einsum("qk,qk->q", at_s - at_m, normal)
     gap[np.abs(gap) <= TOUCHING * np.abs(at_s).max(initial=0.0)] = 0.0
     spread = _spread(primary, xi_m, spans_m, gap)
+    area = weights * stretch
     primary_area = area * np.abs(np.einsum("qk,qk->q", normal, normal_s)) / spread
-    return Cells(secondary.face, primary.face, xi_s, xi_m, spans_s, spans_m, area, primary_area, normal, gap)
+    return Cells(secondary.face, primary.face, xi_s, xi_m, spans_s, spans_m, at_s, area, primary_area, normal, gap)
 
 
 def _spread(surface: Surface, xi: Array, spans: Indices, gap: Array) -> Array:
     """Area (q,) of the surface at a distance along the normals, per area of the surface itself."""
-    if is_affine(surface.patch) or not gap.any():
+    if surface.is_affine or not gap.any():
         return np.ones(len(gap))
     frame = frame_at(surface, xi, spans)
     offset = frame.tangents + gap[:, None, None] * frame.turning

@@ -7,7 +7,6 @@ import numpy as np
 from geom2iga.bspline import Array, Indices, Mask
 from geom2iga.patch import evaluate
 from solve.face import Surface
-from solve.space import is_affine
 
 FACING = 1e-3  # least cosine between one normal and the other's opposite
 BEYOND = 1.0  # how far beyond its border a face's map is continued, in spans there
@@ -128,7 +127,7 @@ def _along_normals(
 
 def _continued(surface: Surface) -> tuple[Array, Array]:
     """The parameter range (2,), (2,) of a face and of what is continued beyond its border; all of a plane is."""
-    if is_affine(surface.patch):
+    if surface.is_affine:
         return np.full(2, -np.inf), np.full(2, np.inf)
     low = np.array([at[0] - BEYOND * (at[1] - at[0]) for at in surface.patch.breaks])
     high = np.array([at[-1] + BEYOND * (at[-1] - at[-2]) for at in surface.patch.breaks])

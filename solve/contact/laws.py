@@ -27,9 +27,16 @@ class Penalty:
     ----------
     stiffness : (m,)
         Penalty of each gap [stress/length].
+    bodies : (m,)
+        E/h, what the bodies under one gap resist with [stress/length]; infinite for rigid ones.
     """
 
     stiffness: Array
+    bodies: Array | float = np.inf
+
+    def yielding(self, count: int) -> "Penalty":
+        """The same where so many gaps press on elastic half-spaces: under a pressure p an area A sinks by p √A / E."""
+        return Penalty(1 / (1 / self.stiffness + count**0.5 / self.bodies))
 
     def pressure(self, gap: Array) -> Array:
         """Pressure (m,) from gaps (m,), positive in compression, zero where open."""
@@ -55,16 +62,19 @@ class Law:
         c, what is left of overlap per pressure [length/stress].
     multiplier : str
         "none"; "updated" by λ <- p (Uzawa) until the overlap is small enough; "solved" for, as an unknown.
+    bodies : (m,)
+        E/h of the bodies under one gap [stress/length]; infinite for rigid ones.
     """
 
     stiffness: Array
     compliance: Array
     multiplier: Multiplier = "none"
+    bodies: Array | float = np.inf
 
     @property
     def springs(self) -> Penalty:
         """The law of Newton's steps, of shifted gaps."""
-        return Penalty(self.stiffness)
+        return Penalty(self.stiffness, self.bodies)
 
     @property
     def softness(self) -> Array:
@@ -87,18 +97,18 @@ def penalty_law(penalty: float, rows: int, scale: float) -> Law:
     """
     ones = np.ones(rows)
     if penalty <= STIFF * scale:
-        return Law(penalty * ones, ones / penalty)
-    return Law(ones / (1 / penalty + 1 / (STEADY * scale)), ones / penalty, "solved")
+        return Law(penalty * ones, ones / penalty, "none", scale * ones)
+    return Law(ones / (1 / penalty + 1 / (STEADY * scale)), ones / penalty, "solved", scale * ones)
 
 
 def augmented_law(penalty: float, rows: int, scale: float) -> Law:
     """No overlap, by updates of a multiplier; a large penalty would lose digits and gain nothing."""
-    return Law(np.full(rows, min(penalty, STIFF * scale)), np.zeros(rows), "updated")
+    return Law(np.full(rows, min(penalty, STIFF * scale)), np.zeros(rows), "updated", np.full(rows, scale))
 
 
 def multiplier_law(rows: int, scale: float) -> Law:
     """No overlap, the multiplier an unknown."""
-    return Law(np.full(rows, STEADY * scale), np.zeros(rows), "solved")
+    return Law(np.full(rows, STEADY * scale), np.zeros(rows), "solved", np.full(rows, scale))
 
 
 def find_penalty(contact: Contact, scale: float, share: float = 1.0) -> float:
@@ -131,10 +141,10 @@ def joined(laws: Sequence[Law]) -> Law:
     """Put the laws of several contacts below each other; the most demanding way to find the multipliers counts."""
     ways: tuple[Multiplier, ...] = ("none", "updated", "solved")
     way = max((law.multiplier for law in laws), key=ways.index, default=ways[0])
-    stiffness, compliance = (
-        [np.empty(0), *(getattr(law, name) for law in laws)] for name in ("stiffness", "compliance")
-    )
-    return Law(np.concatenate(stiffness), np.concatenate(compliance), way)
+    names = ("stiffness", "compliance", "bodies")
+    parts = ([np.broadcast_to(getattr(law, name), law.stiffness.shape) for law in laws] for name in names)
+    stiffness, compliance, bodies = (np.concatenate([np.empty(0), *part]) for part in parts)
+    return Law(stiffness, compliance, way, bodies)
 
 
 def stiffness_scale(space: Space, contact: Contact, materials: Mapping[str, Material]) -> float:

@@ -1,19 +1,23 @@
 """Averages of the normal gap over the areas of competence of pressure functions: mortar-KTS and its relatives."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from math import prod
+from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import coo_array, csr_array, vstack
+from scipy.sparse import csr_array, vstack
 
 from geom2iga.bspline import Array, Indices
+from geom2iga.patch import CHUNK, chunks, evaluate
 from solve.case import Contact
 from solve.contact.cells import Cells
-from solve.contact.pressure import points_of, pressure_space
-from solve.face import trace_matrix
+from solve.contact.pressure import pressure_space
+from solve.face import trace
 from solve.space import Space
 
 NEGLIGIBLE = 1e-13  # areas of competence below this fraction of the largest are rounding errors
+UPRIGHT = 1e-15  # components of unit normals that are nowhere larger are rounding errors
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,43 +68,102 @@ def assemble_mortar(space: Space, contact: Contact, cells: Sequence[Cells]) -> M
     CaseError
         The pressure space that the contact asks for does not exist.
     """
-    points = points_of(space, cells)
-    pressures = pressure_space(space, contact, points)
+    pressures = pressure_space(space, contact, np.concatenate([part.points for part in cells]))
     operator = csr_array((pressures.size, space.dofs))
     area, gap, first = np.zeros(pressures.size), np.zeros(pressures.size), np.zeros((pressures.size, 3))
     before = 0
-    for part in cells:
+    for part, runs in (some for each in cells for some in _runs(space, each, pressures.pointwise)):
         functions = pressures.functions(part, before)
+        operator = operator + _products(space, part, functions, runs)
         weighted = functions.T.tocsr() * part.area[None, :]
-        secondary = trace_matrix(space, part.secondary, part.secondary_xi, part.secondary_spans)
-        difference = secondary - trace_matrix(space, part.primary, part.primary_xi, part.primary_spans)
-        normal_gap = _along(difference.tocoo(), part.normal, space.dofs)  # N_q, eq. (21)
-        operator = operator + weighted @ normal_gap
         area += weighted.sum(axis=1)
         gap += weighted @ part.gap
-        first += weighted @ points[before : before + len(part.area)]
+        first += weighted @ part.points
         before += len(part.area)
     rows = np.flatnonzero(area > NEGLIGIBLE * area.max(initial=0.0))
-    return Mortar(rows, operator[rows], gap[rows], area[rows], first[rows] / area[rows, None])
+    operator = operator[rows]
+    operator.sum_duplicates()
+    return Mortar(rows, operator, gap[rows], area[rows], first[rows] / area[rows, None])
 
 
 def point_gaps(space: Space, cells: Sequence[Cells], displacement: Array) -> tuple[Array, Array]:
     """Gaps (q,) of all quadrature points before and after a displacement (n, 3) [length], positive where open."""
     before, after = [np.empty(0)], [np.empty(0)]
     for part in cells:
-        secondary = trace_matrix(space, part.secondary, part.secondary_xi, part.secondary_spans) @ displacement
-        primary = trace_matrix(space, part.primary, part.primary_xi, part.primary_spans) @ displacement
+        secondary, primary = (
+            evaluate(space.model.surface(face), xi, 0, displacement[space.face_numbers(face)], spans)[0]
+            for face, xi, spans in (
+                (part.secondary, part.secondary_xi, part.secondary_spans),
+                (part.primary, part.primary_xi, part.primary_spans),
+            )
+        )
         before.append(part.gap)
         after.append(part.gap + np.einsum("qk,qk->q", secondary - primary, part.normal))
     return np.concatenate(before), np.concatenate(after)
 
 
-def _along(scalar: coo_array, normal: Array, dofs: int) -> csr_array:
-    """Turn a matrix that interpolates scalars (q, n) into one that interpolates u·n, (q, dofs)."""
-    rows = np.repeat(scalar.row, 3)
-    columns = (3 * scalar.col[:, None] + np.arange(3)).ravel()
-    values = (scalar.data[:, None] * normal[scalar.row]).ravel()
-    return coo_array((values, (rows, columns)), shape=(scalar.shape[0], dofs)).tocsr()
+class Runs(NamedTuple):
+    """Points in a row that share all functions: whose spans on both sides are the same, cut to a common length."""
+
+    start: Indices  # (r,)
+    end: Indices  # (r,)
+    longest: int
+
+
+def _runs(space: Space, cells: Cells, pointwise: bool) -> Iterator[tuple[Cells, Runs]]:
+    """Take as many runs at a time as fit a bounded memory.
+
+    Parameters
+    ----------
+    pointwise : bool
+        Every point has a pressure function of its own.
+    """
+    spans = np.concatenate([cells.secondary_spans, cells.primary_spans], axis=1)
+    borders = np.flatnonzero(np.any(spans[1:] != spans[:-1], axis=1)) + 1
+    lengths = np.diff(np.concatenate([[0], borders, [len(spans)]]))
+    longest = 1 if pointwise else int(np.median(lengths))
+    pieces = -(-lengths // longest)
+    start = np.repeat(np.cumsum(lengths) - lengths, pieces)
+    start += longest * (np.arange(len(start)) - np.repeat(np.cumsum(pieces) - pieces, pieces))
+    end = np.append(start[1:], len(spans))
+    widths = [prod(p + 1 for p in space.model.surface(face).degrees) for face in (cells.secondary, cells.primary)]
+    for part in chunks(len(start), max(1, CHUNK // (3 * sum(widths) * max(longest, widths[0])))):
+        first, last = start[part][0], end[part][-1]
+        yield cells.chosen(slice(first, last)), Runs(start[part] - first, end[part] - first, longest)
+
+
+def _products(space: Space, cells: Cells, functions: csr_array, runs: Runs) -> csr_array:
+    """Integrate pressure functions times N_q, (rows, dofs): one small dense product for each run of points.
+
+    Parameters
+    ----------
+    functions : (q, rows)
+        Pressure functions at the points, equally many for each.
+    """
+    sides = (
+        trace(space, cells.secondary, cells.secondary_xi, cells.secondary_spans),
+        trace(space, cells.primary, cells.primary_xi, cells.primary_spans),
+    )
+    numbers = np.concatenate([side[0][runs.start] for side in sides], axis=1)
+    relative = np.concatenate([sides[0][1], -sides[1][1]], axis=1)
+    axes = np.flatnonzero(np.abs(cells.normal).max(axis=0) > UPRIGHT)
+    slots = runs.start[:, None] + np.arange(runs.longest)
+    meant = slots < runs.end[:, None]
+    slots = np.where(meant, slots, runs.start[:, None])
+    weights = np.where(meant, cells.area[slots], 0.0)
+    left = functions.data.reshape(len(relative), -1)[slots] * weights[:, :, None]
+    right = relative[slots][:, :, :, None] * cells.normal[:, axes][slots][:, :, None]  # N_q, eq. (21)
+    blocks = left.swapaxes(1, 2) @ right.reshape(*slots.shape, -1)
+    columns = (3 * numbers[:, :, None] + axes).reshape(len(numbers), 1, -1)
+    apart = _rows(np.broadcast_to(columns, blocks.shape).reshape(-1, blocks.shape[2]), blocks, space.dofs)
+    own = functions.indices.reshape(len(relative), -1)[runs.start].reshape(-1, 1)
+    return _rows(own, np.ones(own.shape), functions.shape[1]).T.tocsr() @ apart
+
+
+def _rows(columns: Indices, values: Array, size: int) -> csr_array:
+    """Matrix (k, size) of which each row has equally many entries, in columns (k, a)."""
+    starts = np.arange(len(columns) + 1) * columns.shape[1]
+    return csr_array((values.ravel(), columns.ravel(), starts), shape=(len(columns), size))
 
 
 def stacked(mortars: Sequence[Mortar], dofs: int) -> Mortar:

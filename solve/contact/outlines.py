@@ -1,6 +1,7 @@
 """Spans of the primary side, or parts of them, drawn in the secondary's parameter plane."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -11,7 +12,6 @@ from geom2iga.projection import closest_points
 from solve.contact.charts import Image, frame_at, image_of
 from solve.contact.search import find_box_pairs, find_opposite, spans_of
 from solve.face import Surface
-from solve.space import is_affine
 
 CHORDS = 8  # chords per side of an outline that is curved, at most
 STRAIGHT = 1e-12  # sides that deviate less from their chord, in lengths of it, are straight lines
@@ -71,7 +71,7 @@ def find_outlines(secondary: Surface, primary: Surface, reach: float | None = No
     """
     spans = spans_of(primary.patch)
     corners = spans.low[:, None] + SQUARE * (spans.high - spans.low)[:, None]
-    if is_affine(secondary.patch) and is_affine(primary.patch):
+    if secondary.is_affine and primary.is_affine:
         at, seen = _drawn(secondary, primary, corners, spans.numbers, 1)
         good = seen.all(axis=1)
         return Outlines(corners[good], spans.numbers[good], at[good], np.zeros((np.count_nonzero(good), 4), dtype=bool))
@@ -83,20 +83,23 @@ def _cut_outlines(
 ) -> Outlines:
     """Draw rectangles, cutting those that cannot be drawn well."""
     opposite, sizes = find_opposite(secondary, primary, reach), _Sizes(secondary)
-    done, off, cuts = [], [0.0], np.zeros(len(corners), dtype=np.int64)
+    done, off, cuts = [_nothing()], [0.0], np.zeros(len(corners), dtype=np.int64)
     for level in range(LEVELS + 1):
         near = np.unique(find_box_pairs(corners[:, 0], corners[:, 2], opposite.low, opposite.high)[0])
+        if not near.size:
+            break
         corners, spans, cuts = corners[near], spans[near], cuts[near]
         at, seen = _drawn(secondary, primary, corners, spans, CHORDS)
         good = seen.all(axis=1)
         bent, lens = _bending(at, secondary)
         fits = good & (bent <= BENT).all(axis=1)
-        last = level == LEVELS or not len(corners)
+        last = level == LEVELS
         final = fits & (last | (cuts == REFINED) | (lens <= LENS))
         done.append(Outlines(corners[final], spans[final], at[final], bent[final] > STRAIGHT))
         off.append(lens[final].max(initial=0.0))
         partly = ~good & (_touching(secondary, at, seen) | _holding(corners, opposite.feet))
-        small = last | (sizes.relative(primary, corners, spans) <= SMALL)
+        small = np.full(len(corners), last)
+        small[partly] |= sizes.relative(primary, corners[partly], spans[partly]) <= SMALL
         at, whole = _completed(secondary, at, seen)
         whole &= partly & small
         done.append(
@@ -113,24 +116,36 @@ def _cut_outlines(
     return Outlines(*(np.concatenate(part) for part in parts))
 
 
+def _nothing() -> Outlines:
+    """No outlines, to add others to."""
+    corners = np.empty((0, 4, 2))
+    return Outlines(corners, np.empty((0, 2), dtype=np.int64), np.empty((0, 4 * CHORDS, 2)), corners[..., 0] > 0)
+
+
 class _Sizes:
     """How large the spans of a side are."""
 
     def __init__(self, surface: Surface) -> None:
-        patch = surface.patch
-        spans = spans_of(patch)
+        self.surface = surface
+
+    @cached_property
+    def spans(self) -> tuple[cKDTree, Array]:
+        """Middles and widths (s,) of all spans."""
+        spans = spans_of(self.surface.patch)
         corners = spans.low[:, None] + SQUARE * (spans.high - spans.low)[:, None]
-        points = evaluate(patch, corners.reshape(-1, 2))[0].reshape(-1, 4, 3)
-        self.tree = cKDTree(points.mean(axis=1))
+        points = evaluate(self.surface.patch, corners.reshape(-1, 2))[0].reshape(-1, 4, 3)
         edges = np.linalg.norm(np.roll(points, -1, axis=1) - points, axis=2)
-        self.width = (edges[:, :2] + edges[:, 2:]).min(axis=1) / 2  # one edge may have no length
+        return cKDTree(points.mean(axis=1)), (edges[:, :2] + edges[:, 2:]).min(axis=1) / 2  # an edge may have no length
 
     def relative(self, surface: Surface, corners: Array, spans: Indices) -> Array:
         """Size (r,) of rectangles of another side, in widths of the spans next to them."""
+        if not len(corners):
+            return np.empty(0)
+        tree, width = self.spans
         numbers = np.repeat(spans, 4, axis=0)
         points = evaluate(surface.patch, corners.reshape(-1, 2), spans=numbers)[0].reshape(-1, 4, 3)
         size = np.linalg.norm(np.roll(points, -1, axis=1) - points, axis=2).max(axis=1)
-        return size / self.width[self.tree.query(points.mean(axis=1))[1]]
+        return size / width[tree.query(points.mean(axis=1))[1]]
 
 
 def _completed(secondary: Surface, at: Array, seen: Mask) -> tuple[Array, Mask]:
@@ -185,6 +200,8 @@ def _drawn(secondary: Surface, primary: Surface, corners: Array, spans: Indices,
         start = closest_points(secondary.patch, evaluate(primary.patch, places, spans=numbers)[0]).xi
     image = _image(secondary, primary, places, numbers, start)
     at, seen = image.xi[owner].reshape(-1, 4, 1, 2), image.seen[owner].reshape(-1, 4, 1)
+    if chords == 1:
+        return at[:, :, 0], seen[:, :, 0]
     share = (np.arange(1, chords) / chords)[:, None]
     between, starts = (c[:, :, None] + share * (np.roll(c, -1, axis=1) - c)[:, :, None] for c in (corners, at[:, :, 0]))
     inner = _image(

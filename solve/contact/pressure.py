@@ -1,10 +1,10 @@
 """Spaces of contact pressures: what gaps are averaged with, and how pressures are evaluated."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from math import prod
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 from scipy.sparse import csr_array, eye_array
@@ -27,6 +27,10 @@ class PressureSpace(Protocol):
     def size(self) -> int:
         """Number of functions."""
 
+    @property
+    def pointwise(self) -> bool:
+        """Whether each point has a function of its own; else those of one span are the same at all its points."""
+
     def functions(self, cells: Cells, before: int) -> csr_array:
         """All functions (q, size) at the points of some cells, `before` points of other cells."""
 
@@ -39,6 +43,7 @@ class ControlPointPressures:
     """The basis of the displacements: mortar-KTS.                                   paper, eq. (25)"""
 
     space: Space
+    pointwise: ClassVar[bool] = False
 
     @property
     def size(self) -> int:
@@ -70,6 +75,7 @@ class ReducedPressures:
     """
 
     surfaces: Mapping[Face, Patch]
+    pointwise: ClassVar[bool] = False
 
     @cached_property
     def directions(self) -> Mapping[Face, tuple[tuple[Array, int], ...]]:
@@ -131,6 +137,7 @@ class PointPressures:
 
     space: Space
     points: Array
+    pointwise: ClassVar[bool] = True
 
     @property
     def size(self) -> int:
@@ -179,9 +186,3 @@ def _capped(knots: Array, degree: int) -> Array:
     """Leave out knots beyond degree + 1 times the same."""
     at, counts = np.unique(knots, return_counts=True)
     return np.repeat(at, np.minimum(counts, degree + 1))
-
-
-def points_of(space: Space, cells: Sequence[Cells]) -> Array:
-    """Positions (q, 3) of the quadrature points on the secondary side [length]."""
-    surfaces = [space.model.surface(part.secondary) for part in cells]
-    return np.concatenate([evaluate(s, part.secondary_xi)[0] for s, part in zip(surfaces, cells, strict=True)])

@@ -8,8 +8,9 @@ import shapely
 from geom2iga.bspline import Array, Indices, find_spans
 from geom2iga.patch import Patch
 from geom2iga.projection import closest_points
-from solve.face import Surface, area_vectors
+from solve.face import Surface, area_vectors, halved
 
+WIDE = 1.4  # angle of normals beyond which nothing is known, in radians
 MARGIN = 0.5  # by how much the feet of some points of a span may miss those of the others, in their extent
 
 
@@ -47,6 +48,22 @@ def find_box_pairs(low: Array, high: Array, other_low: Array, other_high: Array)
     return numbers[order], others[order]
 
 
+def may_lie_opposite(secondary: Surface, primary: Surface) -> bool:
+    """Say whether normals of the primary may meet the secondary side, by boxes around both and a cone of the normals.
+
+    Where x_s = x_m + g n and n is no farther than an angle from an axis, the two points lie no farther apart across the
+    axis than along it times the tangent of the angle.
+    """
+    cone, points = primary.cone, [side.patch.control_points.reshape(-1, 3) for side in (secondary, primary)]
+    if cone.angle >= WIDE:
+        return True
+    frame = np.linalg.svd(cone.axis[None])[2]  # the axis, then two directions across it
+    low, high = (np.array([end(values @ frame.T, axis=0) for values in points]) for end in (np.min, np.max))
+    apart = np.maximum(0, np.maximum(low[0] - high[1], low[1] - high[0]))
+    along = max(high[0, 0] - low[1, 0], high[1, 0] - low[0, 0])
+    return bool(np.linalg.norm(apart[1:]) <= along * np.tan(cone.angle))
+
+
 class Opposite(NamedTuple):
     """Where on the primary side spans of the secondary side may lie opposite."""
 
@@ -67,7 +84,7 @@ def find_opposite(secondary: Surface, primary: Surface, reach: float | None = No
         Largest gap that is looked at [length]; left out, any.
     """
     patch = secondary.patch
-    axes = [np.sort(np.concatenate([at, (at[1:] + at[:-1]) / 2])) for at in patch.breaks]
+    axes = halved(patch)
     shape = tuple(len(at) for at in axes)
     at, normal, _ = area_vectors(secondary, _grid(*axes))
     foot = closest_points(primary.patch, at)

@@ -8,7 +8,7 @@ import numpy as np
 from geom2iga.bspline import Array, Indices, Mask
 from geom2iga.patch import basis, evaluate
 from solve.contact.charts import closest_in_spans, frame_at, image_of
-from solve.contact.outlines import Outlines, find_outlines
+from solve.contact.outlines import STRAIGHT, Outlines, find_outlines
 from solve.contact.polygons import (
     CHORD,
     NONE,
@@ -23,7 +23,6 @@ from solve.contact.polygons import (
 )
 from solve.contact.search import find_box_pairs, spans_of
 from solve.face import Surface, area_vectors
-from solve.space import is_affine
 
 SLIVER = 1e-13  # segments and cones below this fraction of a secondary span are rounding errors
 ON_LINE = 1e-14  # a crossing this close to its knot line, in the parameter range, has been found
@@ -107,6 +106,8 @@ def _exact(
     secondary: Surface, primary: Surface, outlines: Outlines, owner: Indices, spans: Indices, pieces: Corners
 ) -> Corners:
     """Move corners where a curve crosses a knot line from the chord to the curve."""
+    if not outlines.curved.any():
+        return pieces
     at, places = pieces.at.copy(), (pieces.arrives.copy(), pieces.leaves.copy())
     chords = outlines.at.shape[1] // 4
     for place, leaving in zip(places, (False, True), strict=True):
@@ -201,8 +202,22 @@ def _edges_of(pieces: Corners, least: Array) -> tuple[Mask, Array, Indices, Arra
     return quad, apex, number, pieces.at[number, slot], ends[number, slot], low, high
 
 
-def integration_points(segments: Segments, count: int) -> Rule:
-    """Place count² quadrature points in each segment with four edges, and in each cone of the others."""
+def integration_points(segments: Segments, counts: Indices) -> Rule:
+    """Place count² quadrature points in each segment with four edges, and in each cone of the others.
+
+    Parameters
+    ----------
+    counts : (k,)
+        Points per direction in each segment.
+    """
+    numbers = [np.flatnonzero(counts == count) for count in np.unique(counts)]
+    rules = [_points_in(_chosen(segments, own), int(counts[own[0]])) for own in numbers]
+    rules = [rule._replace(segment=own[rule.segment]) for rule, own in zip(rules, numbers, strict=True)]
+    return Rule(*(np.concatenate(values) for values in zip(*rules, strict=True)))
+
+
+def _points_in(segments: Segments, count: int) -> Rule:
+    """Place count² points in each quad or cone."""
     curve, slope, weights = _edges(segments, count)
     whole = segments.quad[segments.segment]
     cone, quad = np.flatnonzero(~whole), np.flatnonzero(whole).reshape(-1, 4)
@@ -229,6 +244,8 @@ def _edges(segments: Segments, count: int) -> tuple[Array, Array, Array]:
     at = segments.start[:, None] + t[:, None] * chord[:, None]
     slope = np.broadcast_to(chord[:, None], at.shape).copy()
     curved = np.flatnonzero(segments.low > NONE)
+    if not curved.size:
+        return at, slope, weights
     owner, spans = (np.repeat(v[segments.segment[curved]], count, axis=0) for v in (segments.owner, segments.spans))
     length = (segments.high - segments.low)[curved]
     places = (segments.low[curved, None] + t * length[:, None]).ravel()
@@ -241,20 +258,34 @@ def _edges(segments: Segments, count: int) -> tuple[Array, Array, Array]:
 
 
 def _between_planes(segments: Segments) -> bool:
-    return all(is_affine(side.patch) for side in (segments.secondary, segments.primary))
+    return all(side.is_affine for side in (segments.secondary, segments.primary))
 
 
-def enough_points(segments: Segments) -> int:
-    """Choose how many points a cone needs per direction.
+def enough_points(segments: Segments) -> Indices:
+    """Choose how many points each segment (k,) needs per direction.
 
-    Secondary degree + primary degree + 1 are exact for products of basis functions where both maps are affine.
-    Elsewhere the integrand is no polynomial, but the error falls geometrically: it is the smallest number, up to 12
-    more, for which the forces of a uniform pressure on either side change by less than 1e-12 with two points more. Some
-    segments are looked at, so that the cost does not grow with the mesh.
+    Where both maps are affine, secondary degree + primary degree + 1 are exact for products of basis functions, and
+    about half as many where the knot lines of both sides are parallel: there the products are of that degree along
+    each direction alone. Elsewhere the integrand is no polynomial, but the error falls geometrically: it is the
+    smallest number, up to 12 more, for which the forces of a uniform pressure on either side change by less than 1e-12
+    with two points more. Some segments are looked at, so that the cost does not grow with the mesh.
     """
-    least = sum(max(side.patch.degrees) for side in (segments.secondary, segments.primary)) + 1
-    if _between_planes(segments) or not len(segments.owner):
-        return least
+    degree = sum(max(side.patch.degrees) for side in (segments.secondary, segments.primary))
+    if _between_planes(segments):
+        return np.where(_along_axes(segments), degree // 2 + 1, degree + 1)
+    return np.full(len(segments.owner), _enough_curved(segments, degree + 1))
+
+
+def _along_axes(segments: Segments) -> Mask:
+    """Which segments are rectangles along the parametric directions of both sides."""
+    at = segments.outlines.at
+    sides = np.abs(np.roll(at, -1, axis=1) - at)
+    outline = np.all(sides.min(axis=2) <= STRAIGHT * sides.max(axis=2), axis=1)
+    return segments.quad & outline[segments.owner]
+
+
+def _enough_curved(segments: Segments, least: int) -> int:
+    """How many points the integrals on some segments need."""
     some = _sample(segments)
     forces = [_forces(some, least), _forces(some, least + 1)]
     for count in range(least, least + MORE_POINTS):
@@ -273,16 +304,20 @@ def _sample(segments: Segments) -> Segments:
     """The largest segments."""
     doubled = np.abs(cross(*(at - segments.apex[segments.segment] for at in (segments.start, segments.end))))
     area = np.bincount(segments.segment, doubled, len(segments.owner))
-    chosen = np.sort(np.argsort(area)[-SAMPLED:])
-    edges = np.flatnonzero(np.isin(segments.segment, chosen))
-    of_each = {name: getattr(segments, name)[chosen] for name in ("owner", "spans", "quad", "apex")}
+    return _chosen(segments, np.sort(np.argsort(area)[-SAMPLED:]))
+
+
+def _chosen(segments: Segments, numbers: Indices) -> Segments:
+    """Some of the segments, in increasing sequence."""
+    edges = np.flatnonzero(np.isin(segments.segment, numbers))
+    of_each = {name: getattr(segments, name)[numbers] for name in ("owner", "spans", "quad", "apex")}
     of_edges = {name: getattr(segments, name)[edges] for name in ("start", "end", "low", "high")}
-    return replace(segments, segment=np.searchsorted(chosen, segments.segment[edges]), **of_each, **of_edges)
+    return replace(segments, segment=np.searchsorted(numbers, segments.segment[edges]), **of_each, **of_edges)
 
 
 def _forces(segments: Segments, count: int) -> tuple[Array, Array]:
     """Forces (s, n) of a unit pressure on the functions of the secondary and of the primary side, by segment."""
-    rule = integration_points(segments, count)
+    rule = _points_in(segments, count)
     spans = segments.spans[rule.segment], segments.outlines.spans[segments.owner[rule.segment]]
     _, normal, stretch = area_vectors(segments.secondary, rule.secondary_xi, spans[0])
     load = (rule.weights * stretch)[:, None] * normal

@@ -1,19 +1,27 @@
+import tracemalloc
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import block_diag
 
+from geom2iga.errors import GeometryError
+from geom2iga.patch import refined
 from geom2iga.threads import one_blas_thread
+from solve import sums
 from solve.case import Support
 from solve.constraints import constrain, find_conditions
 from solve.elasticity import assemble_stiffness
-from solve.linear import direct_solver, solved
+from solve.linear import direct_solver
 from solve.material import Material
 from solve.space import number_control_points, volume_quadrature
-from tests.cases import bent_patch, block_patch, model_of
-from tests.oracles import assert_order, assert_rigid_motion_costs_nothing, assert_symmetric
+from tests.cases import bent_patch, block_patch, model_of, solved
+from tests.oracles import assert_order, assert_rigid_motion_costs_nothing, assert_symmetric, stiffness_by_spans
+from tests.solve.joined import MODELS
 from tests.strategies import SEEDS, bent_patches, rotations
+from tests.verification.glued_bodies import RIGHT_HANDED, glued_model, halves, turned_round
 
 STEEL = Material(200.0, 0.3)
 
@@ -21,6 +29,67 @@ STEEL = Material(200.0, 0.3)
 def stiffness_of(*patches, materials=None):
     space = number_control_points(model_of(*patches))
     return assemble_stiffness(space, materials or dict.fromkeys(space.model.bodies, STEEL))
+
+
+def assert_same_as_by_spans(model, tolerance=1e-13):
+    space = number_control_points(model)
+    materials = {body: Material(200.0 + place, 0.3) for place, body in enumerate(model.bodies)}
+    found, expected = assemble_stiffness(space, materials), stiffness_by_spans(space, materials)
+    assert found.has_canonical_format
+    np.testing.assert_allclose(found.toarray(), expected, rtol=0, atol=tolerance * np.abs(expected).max())
+
+
+@given(bent_patches(), st.lists(st.sampled_from([0.3, 0.7]), max_size=3), st.integers(0, 2))
+def test_integrals_direction_by_direction_are_those_span_by_span(patch, knots, axis):
+    repeated = [knot for knot in set(knots) for _ in range(min(knots.count(knot), patch.degrees[axis]))]
+    patch = refined(patch, knots=[repeated if d == axis else [] for d in range(3)])
+    assert_same_as_by_spans(model_of(patch))
+
+
+@pytest.mark.parametrize("rational", [False, True])
+def test_a_common_factor_of_the_weights_changes_nothing(rational):
+    patch = bent_patch(0, (1, 2, 2), rational=rational)
+    scaled = replace(patch, weights=3 * patch.weights)
+    found, expected = stiffness_of(scaled).toarray(), stiffness_of(patch).toarray()
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-13 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("axes", [(1, 1, 2), (1, 2, 1), (2, 1, 1)])
+@pytest.mark.parametrize("chunk", [1, 200_000])
+def test_a_long_patch_taken_in_tiles_is_the_same_as_span_by_span(monkeypatch, axes, chunk):
+    monkeypatch.setattr(sums, "CHUNK", chunk)
+    assert_same_as_by_spans(model_of(bent_patch(0, axes, [20 if degree > 1 else 2 for degree in axes])))
+
+
+@pytest.mark.parametrize("way", RIGHT_HANDED, ids=str)
+@pytest.mark.parametrize("axis", range(3))
+def test_stiffness_of_glued_patches_does_not_depend_on_how_they_run(axis, way):
+    patch = bent_patch(axis, (1, 2, 2), (2, 2, 2))
+    first, second = halves(patch, axis, 0.5)
+    assert_same_as_by_spans(glued_model({"body": (first, turned_round(second, *way))}))
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_what_patches_share_is_added_up(model):
+    assert_same_as_by_spans(MODELS[model]())
+
+
+def test_a_folded_patch_is_refused_with_the_place_of_the_fold():
+    points = block_patch(spans=(2, 2, 2)).control_points.copy()
+    points[2, 2, 2] = [0.4, 0.4, 0.4]
+    patch = replace(block_patch("bad", spans=(2, 2, 2)), control_points=points)
+    with pytest.raises(GeometryError, match=r'"bad".*Jacobian -.*xi = \(0\.[5-9]\d*, 0\.[5-9]\d*, 0\.[5-9]\d*\)'):
+        stiffness_of(patch)
+
+
+@pytest.mark.parametrize(("degree", "spans"), [(1, 20), (2, 12), (3, 10)])
+def test_assembly_takes_at_most_one_and_a_half_times_the_memory_of_the_matrix(degree, spans):
+    space = number_control_points(model_of(block_patch(degree=degree, spans=(spans,) * 3)))
+    tracemalloc.start()
+    stiffness = assemble_stiffness(space, {"block": STEEL})
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert most <= 1.5 * (stiffness.data.nbytes + stiffness.indices.nbytes + stiffness.indptr.nbytes)
 
 
 @given(bent_patches())

@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 from solve.case import Augmentation, Newton
 from solve.contact.laws import STIFF, Law, penalty_law
 from solve.equilibrium import Settings, Start, find_equilibrium
-from solve.linear import SuperLU, Tangents
+from solve.linear import SuperLU
 from solve.newton import Status, minimise
+from solve.tangents import Factorised
 from tests.cases import contact_system
 from tests.strategies import SEEDS
 
@@ -40,7 +41,7 @@ def law_of(system, way, compliance=0.0, springs=100.0):
 def found_with(system, law, start=None, tangents=None, report=lambda step: None, newton=None, **augmentation):
     system = under(system, law)
     settings = Settings(newton or Newton(), Augmentation(**{"max_steps": 10000, **augmentation}), 1.0)
-    tangents = tangents or Tangents(system.tangent, SuperLU())
+    tangents = tangents or Factorised(system.tangent, SuperLU())
     return find_equilibrium(system, law, settings, tangents, report, start)
 
 
@@ -197,7 +198,7 @@ def test_too_few_steps_are_no_convergence():
 @given(pressed_systems(floating=False))
 def test_from_the_solution_there_is_nothing_left_to_do(way, system):
     law = law_of(system, way, 0.0 if way != "none" else 1e-3)
-    tangents = Tangents(under(system, law).tangent, SuperLU())
+    tangents = Factorised(under(system, law).tangent, SuperLU())
     rough = Newton(tolerance=1e-9)  # so that the rounding errors of the first solution count as none
     first = found_with(system, law, tangents=tangents, newton=rough)
     before = tangents.factorisations
@@ -275,7 +276,7 @@ def test_a_penalty_is_newton_alone():
     system = contact_system(3, 8, 6)
     law = law_of(system, "none", 1e-3)
     sprung = under(system, law)
-    alone = minimise(sprung, Newton(), Tangents(sprung.tangent, SuperLU()))
+    alone = minimise(sprung, Newton(), Factorised(sprung.tangent, SuperLU()))
     found = found_with(system, law)
     np.testing.assert_array_equal(found.free, alone.free)
     np.testing.assert_array_equal(found.pressure, alone.pressure)

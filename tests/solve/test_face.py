@@ -3,12 +3,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from geom2iga.bspline import find_spans
 from geom2iga.errors import CaseError
 from geom2iga.model import SIDES
 from geom2iga.patch import Face, basis, evaluate
-from solve.face import area_vectors, find_plane, surface_of, trace_matrix
+from solve.face import area_vectors, find_plane, nodal_forces, surface_of, trace_matrix
 from solve.space import gauss_points, number_control_points
-from tests.cases import AXES, block_patch, hollow_cylinder, model_of
+from tests.cases import AXES, bent_patch, block_patch, hollow_cylinder, model_of
 from tests.strategies import SEEDS, bent_patches, rotations
 
 FACES = [Face("bent", axis, side) for axis in range(3) for side in range(2)]
@@ -81,3 +82,25 @@ def test_a_curved_face_has_no_plane_and_is_named():
     for side in ("left", "right"):
         with pytest.raises(CaseError, match=f'"ring/{side}" is curved'):
             find_plane(surface_of(model, model.faces(f"ring/{side}")[0]))
+
+
+@pytest.mark.parametrize("face", FACES, ids=SIDES)
+@given(SEEDS)
+def test_nodal_forces_do_the_work_of_the_forces_at_the_points(face, seed):
+    patch, random = bent_patch(seed), np.random.default_rng(seed)
+    surface = surface_of(model_of(patch), face)
+    xi, forces = random.random((20, 2)), random.normal(size=(20, 3))
+    spans = np.stack(
+        [find_spans(k, p, x) for k, p, x in zip(surface.patch.knots, surface.patch.degrees, xi.T, strict=True)], axis=1
+    )
+    motion = random.normal(size=(surface.patch.weights.size, 3))
+    work = np.sum(evaluate(surface.patch, xi, 0, motion)[0] * forces)
+    assert np.sum(motion * nodal_forces(surface, xi, spans, forces)) == pytest.approx(work, rel=1e-11, abs=1e-12)
+
+
+@pytest.mark.parametrize("face", FACES, ids=SIDES)
+@given(SEEDS)
+def test_all_normals_lie_in_the_cone(face, seed):
+    surface = surface_of(model_of(bent_patch(seed)), face)
+    _, normal, _ = area_vectors(surface, np.random.default_rng(seed).random((200, 2)))
+    assert (normal @ surface.cone.axis).min() >= np.cos(surface.cone.angle)

@@ -4,7 +4,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.sparse import csr_array, diags_array, random_array
 
-from solve.linear import Pardiso, SingularMatrixError, SuperLU, direct_solver, solved
+from solve.linear import Pardiso, SingularMatrixError, SuperLU, direct_solver
+from tests.cases import solved
 from tests.strategies import SEEDS
 
 SOLVERS = [SuperLU, Pardiso]

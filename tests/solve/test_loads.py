@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 from geom2iga.errors import CaseError
 from geom2iga.model import SIDES, Model
 from geom2iga.patch import Face
+from solve import loads as load_module
 from solve.case import BodyForce, Contact, Load
 from solve.contact.cells import find_cells
 from solve.contact.mortar import assemble_mortar
@@ -209,3 +210,12 @@ def test_what_several_faces_cover_counts_once_even_with_either_side_secondary_in
     for contacts in ([contact], [back], [contact, back]):
         _, forces = forces_of(glued_pair(), load, contacts=contacts)
         np.testing.assert_allclose(forces.sum(axis=0), [0, 0, -(4 - 1)], rtol=0, atol=1e-13)
+
+
+def test_cells_that_several_exposed_loads_need_are_cut_once(monkeypatch):
+    calls = []
+    monkeypatch.setattr(load_module, "find_cells", lambda *given: calls.append(given) or find_cells(*given))
+    contact = CONTACT.model_copy(update={"integration": "element"})
+    exposed = [{"on": face, "pressure": 1.0, "exposed": True} for face in ("lower/top", "upper/bottom")]
+    forces_of(glued_pair(), *exposed, contacts=[contact])
+    assert len(calls) == 1

@@ -9,15 +9,16 @@ from scipy.sparse import csr_array
 
 from solve.case import Newton
 from solve.contact.laws import Penalty
-from solve.linear import SuperLU, Tangents
-from solve.newton import Status, exact_step, minimise
+from solve.linear import SuperLU
+from solve.newton import Status, minimise
 from solve.system import System
-from tests.cases import contact_system
+from solve.tangents import Factorised
+from tests.cases import contact_system, exact_step_along
 from tests.strategies import SEEDS, contact_systems
 
 
 def solved_with(system, **settings):
-    return minimise(system, Newton(**settings), Tangents(system.tangent, SuperLU()))
+    return minimise(system, Newton(**settings), Factorised(system.tangent, SuperLU()))
 
 
 def solution_by_complementarity(system):
@@ -100,7 +101,7 @@ def test_the_line_search_finds_the_least_energy_along_a_line(system, seed):
     random = np.random.default_rng(seed)
     free = random.normal(size=len(system.load))
     direction = system.residual(free) * random.uniform(0.1, 3) + random.normal(size=len(free)) * random.choice([0, 1])
-    length = exact_step(system, free, direction)
+    length = exact_step_along(system, free, direction)
     slope = -system.residual(free + length * direction) @ direction
     steepness = np.linalg.norm(direction) * system.force_scale(free + length * direction)
     assert length >= 0
@@ -118,8 +119,8 @@ def test_the_line_search_finds_the_least_energy_along_a_line(system, seed):
 def test_the_line_search_is_infinite_along_a_line_without_end(seed, force):
     system = particle(load=force)
     free = np.random.default_rng(seed).normal(size=1)
-    assert exact_step(system, free, np.array([1.0])) == np.inf
-    assert np.isfinite(exact_step(system, free, np.array([-1.0])))
+    assert exact_step_along(system, free, np.array([1.0])) == np.inf
+    assert np.isfinite(exact_step_along(system, free, np.array([-1.0])))
 
 
 def particle(load, gap=0.0, stiffness=0.0, penalty=1e5, rigid=True):
@@ -192,7 +193,7 @@ def test_too_few_steps_are_no_convergence():
 def test_the_history_tells_what_each_step_did():
     system = several_steps_needed()
     told = []
-    found = minimise(system, Newton(), Tangents(system.tangent, SuperLU()), told.append)
+    found = minimise(system, Newton(), Factorised(system.tangent, SuperLU()), told.append)
     assert tuple(told) == found.history
     assert [step.number for step in found.history] == list(range(1, len(found.history) + 1))
     last = found.history[-1]

@@ -122,6 +122,15 @@ def test_products_of_both_sides_functions_are_integrated_exactly_along_the_axes(
     np.testing.assert_allclose(found, exact_products(secondary, primary), rtol=0, atol=1e-14)
 
 
+@pytest.mark.parametrize(("angle", "points"), [(0.0, 3), (90.0, 3), (180.0, 3), (45.0, 6)])
+def test_cells_along_the_knot_lines_of_both_sides_need_half_the_points_per_direction(angle, points):
+    """Products of degrees 2 and 3 are of degree 5 along each direction, of total degree 10 where they are turned."""
+    turn = Rotation.from_rotvec([0, 0, angle], degrees=True)
+    upper = moved(turned(block_patch("upper", (-0.5, -0.5, 1), (1, 1, 1), 3), turn), (1, 1, 0))
+    model = model_of(block_patch("lower", size=(2, 2, 1), degree=2), upper)
+    assert len(segments(*sides(model)).area) == points**2
+
+
 @pytest.mark.parametrize("spans", [(1, 1, 1), (4, 1, 1), (1, 4, 1)])
 @pytest.mark.parametrize("swap", [False, True])
 def test_knot_lines_that_coincide_but_for_rounding_cost_no_cell(spans, swap):

@@ -3,12 +3,14 @@ import pytest
 import shapely
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from geom2iga.patch import evaluate, refined
 from solve.case import Contact, Load
+from solve.contact import mortar as mortars
 from solve.contact.cells import find_cells
 from solve.contact.mortar import assemble_mortar, stacked
-from solve.loads import face_load
+from solve.loads import assemble_loads
 from solve.space import number_control_points
 from tests.cases import block_patch, hollow_cylinder, model_of, outline, turned
 from tests.oracles import assert_balanced, assert_rigid_motion_costs_nothing
@@ -81,8 +83,7 @@ def test_a_uniform_contact_pressure_loads_the_secondary_face_as_a_pressure_does(
     for integration in ("segment", "element"):
         space, mortar = mortar_of(model, integration)
         forces = (mortar.gap_operator.T @ np.ones(len(mortar.area))).reshape(-1, 3)
-        (face,) = model.faces("upper/bottom")
-        expected = face_load(space, face, Load(on="upper/bottom", pressure=1.0))
+        expected = assemble_loads(space, [Load(on="upper/bottom", pressure=1.0)], [], [])
         upper = space.body_numbers("upper")
         np.testing.assert_allclose(forces[upper], expected[upper], rtol=0, atol=1e-12)
 
@@ -92,8 +93,7 @@ def test_a_uniform_contact_pressure_on_the_larger_face_loads_the_covered_one_eve
     """With segments, the primary face receives a uniform pressure exactly, whatever the knot lines."""
     space, mortar = mortar_of(model, secondary="lower/top", primary="upper/bottom")
     forces = (mortar.gap_operator.T @ np.ones(len(mortar.area))).reshape(-1, 3)
-    (face,) = model.faces("upper/bottom")
-    expected = face_load(space, face, Load(on="upper/bottom", pressure=1.0))
+    expected = assemble_loads(space, [Load(on="upper/bottom", pressure=1.0)], [], [])
     upper = space.body_numbers("upper")
     np.testing.assert_allclose(forces[upper], expected[upper], rtol=0, atol=1e-12)
 
@@ -174,3 +174,24 @@ def test_the_pressure_of_each_quadrature_point_acts_on_its_own_area(model):
     ]
     gap = part.gap + np.einsum("qk,qk->q", moved[0] - moved[1], part.normal)
     np.testing.assert_allclose(mortar.control_gaps(displacement), gap[mortar.rows], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("values", METHODS)
+@pytest.mark.parametrize("integration", ["segment", "element"])
+def test_the_memory_that_integrals_may_take_does_not_change_them(integration, values, monkeypatch):
+    turn = Rotation.from_rotvec([0, 0, 30], degrees=True)
+    lower = turned(block_patch("lower", (-1, -1, 0), (2, 2, 1), degree=2, spans=(4, 3, 1)), turn)
+    model = model_of(lower, block_patch("upper", (-0.5, -0.4, 1.1), degree=2, spans=(3, 4, 1)))
+    whole = mortar_of(model, integration, **values)[1]
+    monkeypatch.setattr(mortars, "CHUNK", 5000)  # a few runs of points at a time
+    pieces = mortar_of(model, integration, **values)[1]
+    np.testing.assert_array_equal(pieces.rows, whole.rows)
+    for name in ("initial_gap", "area", "centres"):
+        np.testing.assert_allclose(getattr(pieces, name), getattr(whole, name), rtol=0, atol=1e-14)
+    assert abs(pieces.gap_operator - whole.gap_operator).max() < 1e-15
+
+
+def test_gaps_along_an_axis_depend_on_displacements_along_it_alone():
+    lower, upper = block_patch("lower", degree=2, spans=(7, 3, 1)), block_patch("upper", (0, 0, 1), spans=(5, 4, 1))
+    _, mortar = mortar_of(model_of(lower, upper))
+    assert set(mortar.gap_operator.indices % 3) == {2}

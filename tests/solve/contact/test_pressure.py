@@ -10,7 +10,7 @@ from geom2iga.errors import CaseError
 from geom2iga.patch import evaluate, refined
 from solve.case import Contact
 from solve.contact.cells import find_cells
-from solve.contact.pressure import ControlPointPressures, PointPressures, ReducedPressures, points_of, pressure_space
+from solve.contact.pressure import ControlPointPressures, PointPressures, ReducedPressures, pressure_space
 from solve.space import number_control_points
 from tests.cases import bent_patch, block_patch, model_of
 from tests.strategies import SEEDS, graded_breaks, stacked_blocks
@@ -24,7 +24,7 @@ def space_on(model, **values):
     """Pressure space of "upper" on "lower", with the cells that it is integrated over."""
     space, contact = number_control_points(model), Contact(**SIDES, **values)
     cells = find_cells(model, contact)
-    return pressure_space(space, contact, points_of(space, cells)), cells
+    return pressure_space(space, contact, np.concatenate([part.points for part in cells])), cells
 
 
 def all_functions(pressures, cells):

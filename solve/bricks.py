@@ -1,0 +1,161 @@
+"""Sum factorisation on bricks: runs of whole spans of a volume, small enough for a processor's cache.
+
+On a brick a tensor-product function is evaluated direction by direction, with one small dense matrix each
+(Orszag 1980); all of them together cost a bounded number of operations per span, whatever the size of the patch.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+from geom2iga.bspline import Array, Indices, basis, breaks, find_spans
+from geom2iga.patch import Patch
+from solve.rules import Rule, Rules
+
+SPANS = 512  # in a brick
+
+Floats = NDArray[Any]  # of single or double precision
+
+
+class Piece(NamedTuple):
+    """Neighbouring spans of one direction: functions first ... first + n - 1 at q points."""
+
+    functions: slice
+    values: Floats  # (q, n)
+    slopes: Floats  # (q, n)
+    weights: Floats  # (q,) parametric
+    points: Array  # (q,)
+
+
+@dataclass(frozen=True, eq=False)
+class Brick:
+    """A box of spans.
+
+    Parameters
+    ----------
+    pieces : three Piece
+    """
+
+    pieces: tuple[Piece, Piece, Piece]
+
+    @property
+    def functions(self) -> tuple[slice, slice, slice]:
+        """Its control points in the grid of the patch."""
+        first, second, third = (piece.functions for piece in self.pieces)
+        return first, second, third
+
+    @property
+    def weights(self) -> Floats:
+        """Parametric weights (q,) of its points, the last direction fastest."""
+        first, second, third = (piece.weights for piece in self.pieces)
+        return (first[:, None, None] * second[:, None] * third).ravel()
+
+    def point(self, number: int) -> Array:
+        """Parametric place (3,) of a point."""
+        shape = tuple(len(piece.points) for piece in self.pieces)
+        return np.array([p.points[k] for p, k in zip(self.pieces, np.unravel_index(number, shape), strict=True)])
+
+    def gradients(self, coefficients: Floats, values: bool = False) -> Floats:
+        """Differentiate splines at all points.
+
+        Parameters
+        ----------
+        coefficients : (c, n_1, n_2, n_3)
+        values : bool
+            Evaluate them, too.
+
+        Returns
+        -------
+        (c, 3, q) or (c, 4, q)
+            Derivatives with respect to the parameters, then the values.
+        """
+        (b1, d1), (b2, d2), (b3, d3) = ((piece.values, piece.slopes) for piece in self.pieces)
+        count, (q1, n1), (q2, n2), (q3, n3) = len(coefficients), b1.shape, b2.shape, b3.shape
+        rows = np.ascontiguousarray(coefficients).reshape(-1, n3)
+        along = (rows @ np.concatenate([b3, d3]).T).reshape(count * n1, n2, 2 * q3)
+        across = np.empty((count * n1, 3, q2, q3), dtype=rows.dtype)
+        np.matmul(d2, along[:, :, :q3], out=across[:, 1])
+        np.matmul(b2, along[:, :, q3:], out=across[:, 2])
+        np.matmul(b2, along[:, :, :q3], out=across[:, 0])
+        across = across.reshape(count, n1, 3, q2 * q3).transpose(0, 2, 1, 3)
+        found = np.empty((count, 3 + values, q1, q2 * q3), dtype=rows.dtype)
+        np.matmul(d1, across[:, 0], out=found[:, 0])
+        np.matmul(b1, across[:, 1:], out=found[:, 1:3])
+        if values:
+            np.matmul(b1, across[:, 0], out=found[:, 3])
+        return found.reshape(count, 3 + values, -1)
+
+    def integrated(self, fluxes: Floats) -> Floats:
+        """Transpose of `gradients`: from (c, 3 or 4, q) at the points to coefficients (c, n_1, n_2, n_3)."""
+        (b1, d1), (b2, d2), (b3, d3) = ((piece.values, piece.slopes) for piece in self.pieces)
+        count, (q1, n1), (q2, n2), (q3, n3) = len(fluxes), b1.shape, b2.shape, b3.shape
+        points = fluxes.reshape(count, -1, q1, q2 * q3)
+        across = np.empty((count, n1, 3, q2 * q3), dtype=fluxes.dtype)
+        turned = across.transpose(0, 2, 1, 3)
+        np.matmul(d1.T, points[:, 0], out=turned[:, 0])
+        np.matmul(b1.T, points[:, 1:3], out=turned[:, 1:])
+        if points.shape[1] == 4:
+            turned[:, 0] += b1.T @ points[:, 3]
+        across = across.reshape(count * n1, 3, q2, q3)
+        along = np.empty((count * n1, n2, 2 * q3), dtype=fluxes.dtype)
+        np.matmul(b2.T, across[:, 2], out=along[:, :, q3:])
+        np.matmul(b2.T, across[:, 0], out=along[:, :, :q3])
+        along[:, :, :q3] += d2.T @ across[:, 1]
+        return (along.reshape(-1, 2 * q3) @ np.concatenate([b3, d3])).reshape(count, n1, n2, n3)
+
+    def moments(self, values: Floats) -> Floats:
+        """Sum up functions times values (q,) at all points: (n_1, n_2, n_3)."""
+        first, second, third = (piece.values for piece in self.pieces)
+        along = values.reshape(-1, len(third)) @ third
+        across = second.T @ along.reshape(len(first), len(second), -1)
+        return (first.T @ across.reshape(len(first), -1)).reshape(-1, second.shape[1], third.shape[1])
+
+
+def find_bricks(patch: Patch, rules: Rules, precision: DTypeLike = float) -> Iterator[Brick]:
+    """Cut a volume into bricks.
+
+    Parameters
+    ----------
+    rules : three Rule
+        Points of each direction.
+    precision : dtype
+        Of the tables.
+    """
+    sizes = _sizes([len(at) - 1 for at in patch.breaks])
+    cut = [
+        _pieces(knots, degree, rule, size, precision)
+        for knots, degree, rule, size in zip(patch.knots, patch.degrees, rules, sizes, strict=True)
+    ]
+    return (Brick((first, second, third)) for first, second, third in product(*cut))
+
+
+def _sizes(spans: Sequence[int]) -> list[int]:
+    """Spans of a brick in each direction: their product at most about SPANS, as equal as the patch allows."""
+    sizes, left = [0] * len(spans), float(SPANS)
+    for rank, d in enumerate(np.argsort(spans)):
+        sizes[d] = min(spans[d], max(1, round(left ** (1 / (len(spans) - rank)))))
+        left /= sizes[d]
+    return sizes
+
+
+def line(knots: Array, degree: int, rule: Rule, spans: Indices | None = None, precision: DTypeLike = float) -> Piece:
+    """Evaluate the functions of one direction at the points of neighbouring spans (k,), of all where left out."""
+    spans = np.arange(len(rule.counts)) if spans is None else spans
+    points, weights, counts = rule.chosen(spans)
+    first, local = basis(knots, degree, points, 1, np.repeat(find_spans(knots, degree, breaks(knots)[spans]), counts))
+    tables = np.zeros((2, len(points), first[-1] - first[0] + degree + 1))
+    tables[:, np.arange(len(points))[:, None], first[:, None] - first[0] + np.arange(degree + 1)] = local
+    functions = slice(int(first[0]), int(first[0]) + tables.shape[2])
+    values, slopes = tables.astype(precision)
+    return Piece(functions, values, slopes, weights.astype(precision), points)
+
+
+def _pieces(knots: Array, degree: int, rule: Rule, size: int, precision: DTypeLike) -> list[Piece]:
+    """Cut one direction into pieces of about `size` spans."""
+    count = len(rule.counts)
+    parts = np.array_split(np.arange(count), -(-count // size))
+    return [line(knots, degree, rule, spans, precision) for spans in parts]

@@ -1,0 +1,74 @@
+"""Which way linear systems are solved, and whether the machine has the memory for it."""
+
+from math import prod
+
+import psutil
+
+from geom2iga.errors import CaseError
+from solve.complement import DENSE
+from solve.linear import DirectSolver
+from solve.problem import Problem
+from solve.rules import smooth_rules
+from solve.space import is_affine
+
+FEW = 5_000  # unknowns up to which factors are faster
+FEW_PER_PATCH = 500  # unknowns of a patch below which its part of an iteration costs more than it is worth
+FILL = 240.0  # bytes of factors: so many times N^(4/3) p^1.5, measured with PARDISO on cubes of degree 1 to 4
+COPIES = 3  # of the matrix: of all unknowns, of free ones, with contact
+VECTORS = 40  # of double precision that an analysis holds at once
+GIGABYTE = 1e9
+
+
+def is_iterative(problem: Problem) -> bool:
+    """Whether linear systems are solved by conjugate gradients: as the case says, or where that is the faster way."""
+    method, patches = problem.case.linear.method, len(problem.space.model.patches)
+    return method == "iterative" or (method == "auto" and problem.allowed.size > FEW + FEW_PER_PATCH * (patches - 1))
+
+
+def needed(problem: Problem, solver: DirectSolver | None) -> float:
+    """Estimate the memory that a direct solver, or conjugate gradients, takes [GB]."""
+    return (_of_factors(problem, solver.fill) if solver else _of_iterations(problem)) / GIGABYTE
+
+
+def free_memory() -> float:
+    """Memory that the machine has free [GB]."""
+    return psutil.virtual_memory().available / GIGABYTE
+
+
+def fits(problem: Problem, solver: DirectSolver | None) -> bool:
+    """Whether the machine has it free."""
+    return needed(problem, solver) <= free_memory()
+
+
+def check_memory(problem: Problem, solver: DirectSolver | None) -> None:
+    """Raise CaseError where it does not."""
+    if not fits(problem, solver):
+        advice = "take fewer spans or a lower degree"
+        if solver:
+            advice += ', or solve.linear.method = "iterative"'
+        wanted, size = needed(problem, solver), problem.allowed.size
+        raise CaseError(
+            f"{size} unknowns need about {wanted:.2g} GB of memory, {free_memory():.2g} GB are free: {advice}"
+        )
+
+
+def _of_factors(problem: Problem, fill: float) -> float:
+    """Memory of the matrix and its factors [bytes]."""
+    patches = problem.space.model.patches.values()
+    degree = max(max(patch.degrees) for patch in patches)
+    entries = sum(9 * prod(patch.shape) * prod(2 * p + 1 for p in patch.degrees) for patch in patches)
+    factors = fill * FILL * degree**1.5 * problem.allowed.size ** (4 / 3)
+    return 8.0 * VECTORS * problem.space.dofs + 12.0 * COPIES * entries + factors
+
+
+def _of_iterations(problem: Problem) -> float:
+    """Memory of what conjugate gradients keep [bytes]."""
+    space = problem.space
+    maps = 0
+    for name, rules in smooth_rules(space).items():
+        patch = space.model.patches[name]
+        maps += (1 if is_affine(patch) else 12) * prod(len(rule.points) for rule in rules)
+    gaps = len(problem.mortar.area)
+    sides = [prod(space.face_grid(face).shape) for face in problem.touching]
+    dense = 2 * gaps**2 + 2 * max(sides, default=0) ** 2 if gaps <= DENSE else 0
+    return 8.0 * (VECTORS * space.dofs + dense) + 4.0 * maps

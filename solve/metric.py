@@ -1,0 +1,84 @@
+"""The map of a patch at the points of a brick."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from geom2iga.bspline import Array
+from geom2iga.errors import GeometryError
+from geom2iga.patch import Patch
+from solve.bricks import Brick, Floats
+from solve.space import is_rational
+
+
+class Metric(NamedTuple):
+    """What turns gradients of B-splines into physical ones, scaled so that squares of these sum up to integrals."""
+
+    inverse: Floats  # (3, 3, q) sqrt(scale det J w) / W dxi_α/dx_j
+    slopes: Floats | None  # (3, q) dW/dxi_α / W; None where all weights are the same
+
+    def rounded(self, precision: np.dtype) -> "Metric":
+        """The same in another precision."""
+        inverse, slopes = self
+        return Metric(inverse.astype(precision, copy=False), slopes if slopes is None else slopes.astype(precision))
+
+
+class Map(NamedTuple):
+    """The map of a patch at the q points of a brick."""
+
+    cofactors: Floats  # (3, 3, q) det J dxi_α/dx_j
+    determinant: Floats  # (q,) det J, positive
+    weight: Floats  # (q,) or (1,) W
+    slopes: Floats | None  # (3, q) dW/dxi_α / W; None where all weights are the same
+
+
+def scaling(patch: Patch) -> Array:
+    """What turns coefficients of NURBS into those of B-splines over W: weights, where these differ; (n_1, n_2, n_3)."""
+    return patch.weights if is_rational(patch) else np.ones(patch.shape)
+
+
+def map_of(brick: Brick, patch: Patch) -> Map:
+    """Evaluate the map of a patch at the points of a brick.
+
+    Raises
+    ------
+    GeometryError
+        The Jacobian is not positive at a point.
+    """
+    box, weight, slopes = brick.functions, np.ones(1), None
+    if is_rational(patch):
+        sampled = brick.gradients(np.moveaxis(patch.homogeneous, -1, 0)[:, *box], values=True)
+        weight = sampled[3, 3]
+        slopes = sampled[3, :3] / weight
+        tangents = (sampled[:3, :3] - sampled[:3, 3:] * slopes) / weight
+    else:
+        tangents = brick.gradients(np.moveaxis(patch.control_points, -1, 0)[:, *box])
+    cofactors = np.empty_like(tangents)
+    for d in range(3):
+        cofactors[d] = _crossed(tangents[:, d - 2], tangents[:, d - 1])
+    determinant = np.einsum("jq,jq->q", tangents[:, 0], cofactors[0])
+    if determinant.min() <= 0:
+        worst = int(np.argmin(determinant))
+        at = ", ".join(f"{x:.3g}" for x in brick.point(worst))
+        raise GeometryError(
+            f'patch "{patch.name}": Jacobian {determinant[worst]:.3g} at xi = ({at}): the patch is folded there'
+        )
+    return Map(cofactors, determinant, weight, slopes)
+
+
+def metric_of(brick: Brick, patch: Patch, scale: float) -> Metric:
+    """Evaluate what turns gradients into physical ones; raise GeometryError as `map_of` does."""
+    cofactors, determinant, weight, slopes = map_of(brick, patch)
+    cofactors *= np.sqrt(scale * brick.weights / determinant) / weight
+    return Metric(cofactors, slopes)
+
+
+def volumes_of(brick: Brick, patch: Patch) -> tuple[Floats, Floats]:
+    """Volume (q,) of each point [length³] and the weight function W there, (q,) or (1,)."""
+    _, determinant, weight, _ = map_of(brick, patch)
+    return determinant * brick.weights, weight
+
+
+def _crossed(one: Floats, other: Floats) -> Floats:
+    """Cross products of vectors (3, q)."""
+    return np.stack([one[i - 2] * other[i - 1] - one[i - 1] * other[i - 2] for i in range(3)])
