@@ -35,7 +35,11 @@ ON_CONTACTS = ("pressure", "pressure_max", "gap", "penetration", "contact_area",
 class Post(Table):
     """The [post] table: what to write."""
 
-    samples: Samples = Field(4, description="sample points per span and direction, 2 to 64")
+    samples: Samples | None = Field(
+        None,
+        description="sample points per span and direction, 2 to 64, in files, summary and checks; left out: 4, or "
+        "fewer, at least 2, where that makes more than 4 million",
+    )
     pictures: bool = Field(True, strict=True, description="draw the pictures")
     deformation: Positive | None = Field(None, description="factor on displacements in pictures; left out: chosen")
 

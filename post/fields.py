@@ -1,12 +1,15 @@
 """Displacement, stress, pressure and gap at sample points."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
-from geom2iga.bspline import Array, Indices, find_spans
-from geom2iga.patch import Face, Patch, evaluate
+from geom2iga.bspline import Array, Indices
+from geom2iga.patch import Face, evaluate
+from post.grid import Grid, face_grid, find_slabs, sample_grid
+from solve.bricks import Brick
 from solve.contact.cells import nearest_feet
 from solve.face import area_vectors, surface_of
 from solve.material import von_mises
@@ -14,27 +17,8 @@ from solve.result import ContactResult, Result
 
 
 @dataclass(frozen=True, eq=False)
-class Grid:
-    """Sample points of a patch, `samples` per span and direction; spans do not share points.
-
-    Parameters
-    ----------
-    xi : (q, d)
-        Parametric points.
-    spans : (q, d)
-        The span each point belongs to, so that values at its ends are those from inside.
-    cells : (c, 4) or (c, 8)
-        Quadrilaterals or hexahedra between the points, in VTK's sequence of corners.
-    """
-
-    xi: Array
-    spans: Indices
-    cells: Indices
-
-
-@dataclass(frozen=True, eq=False)
 class BodySamples:
-    """Fields of one patch at sample points.
+    """Fields of one patch, or a slab of one, at sample points.
 
     Parameters
     ----------
@@ -44,6 +28,7 @@ class BodySamples:
     stress : (q, 6)
         xx yy zz xy yz xz, tension positive.
     cells : (c, 8) or, on a face, (c, 4)
+        In VTK's sequence of corners.
     """
 
     points: Array
@@ -83,73 +68,113 @@ class ContactSamples:
     cells: Indices
 
 
-def sample_grid(patch: Patch, samples: int) -> Grid:
-    """Place sample points in every span, ends included."""
-    each, spans = [], []
-    for knots, at, degree in zip(patch.knots, patch.breaks, patch.degrees, strict=True):
-        fractions = np.linspace(0, 1, samples)
-        each.append((at[:-1, None] * (1 - fractions) + at[1:, None] * fractions).ravel())
-        spans.append(np.repeat(find_spans(knots, degree, at[:-1]), samples))
-    shape = tuple(len(axis) for axis in each)
-    xi, knot_spans = (np.stack(np.meshgrid(*a, indexing="ij"), axis=-1).reshape(-1, len(shape)) for a in (each, spans))
-    return Grid(xi, knot_spans, _grid_cells(shape, samples))
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """A result at its sample points; contacts are searched, faces evaluated once for all who ask.
 
+    Parameters
+    ----------
+    result : Result
+    count : int
+        Points per span and direction.
+    """
 
-def _grid_cells(shape: Sequence[int], samples: int) -> Indices:
-    """Cells between neighbouring points of one span, in VTK's sequence of corners."""
-    starts = [np.arange(n).reshape(-1, samples)[:, :-1].ravel() for n in shape]
-    first = np.ravel_multi_index(np.meshgrid(*starts, indexing="ij"), tuple(shape)).ravel()
-    strides = [int(np.prod(shape[d + 1 :])) for d in range(len(shape))]
-    square = np.array([0, strides[0], strides[0] + strides[1], strides[1]])
-    corners = square if len(shape) == 2 else np.concatenate([square, square + strides[2]])
-    return first[:, None] + corners
+    result: Result
+    count: int
+    _faces: dict[Face, BodySamples] = field(default_factory=dict, init=False)
+
+    @cached_property
+    def contacts(self) -> Mapping[ContactResult, tuple[ContactSamples, ...]]:
+        """The secondary faces of every pass of every contact."""
+        return {contact: sample_contact(self.result, contact, self.count) for contact in self.result.contacts}
+
+    @cached_property
+    def secondary(self) -> tuple[ContactSamples, ...]:
+        """Every secondary face once; pressures of several contacts on it add up, the smallest gap counts."""
+        merged: dict[Face, ContactSamples] = {}
+        for contact, parts in self.contacts.items():
+            for face, part in zip(self.result.model.faces(contact.definition.secondary), parts, strict=True):
+                if face in merged:
+                    pressure, gap = merged[face].pressure + part.pressure, np.fmin(merged[face].gap, part.gap)
+                    part = replace(part, pressure=pressure, gap=gap)
+                merged[face] = part
+        return tuple(merged.values())
+
+    def face(self, face: Face) -> BodySamples:
+        """A face of a patch."""
+        if face not in self._faces:
+            self._faces[face] = sample_face(self.result, face, self.count)
+        return self._faces[face]
+
+    def slabs(self, bodies: Iterable[str]) -> Iterator[tuple[str, BodySamples]]:
+        """Evaluate all patches of some bodies, slab by slab, and name the patch of each."""
+        for name in (name for body in bodies for name in self.result.model.bodies[body]):
+            grid = sample_grid(self.result.model.patches[name], self.count, joined=True)
+            yield from ((name, part) for part in _sample_slabs(self.result, name, grid))
 
 
 def sample_patch(result: Result, name: str, samples: int) -> BodySamples:
     """Sample a whole patch."""
-    grid = sample_grid(result.model.patches[name], samples)
-    return sample_at(result, name, grid.xi, grid.spans, grid.cells)
+    return _sample_grid(result, name, sample_grid(result.model.patches[name], samples, joined=True))
 
 
 def sample_face(result: Result, face: Face, samples: int) -> BodySamples:
     """Sample a patch on one of its faces."""
-    patch = result.model.patches[face.patch]
-    grid = sample_grid(result.model.surface(face), samples)
-    end = patch.knots[face.axis][-face.side]
-    span = find_spans(patch.knots[face.axis], patch.degrees[face.axis], end)
-    xi, spans = np.insert(grid.xi, face.axis, end, axis=1), np.insert(grid.spans, face.axis, span, axis=1)
-    return sample_at(result, face.patch, xi, spans, grid.cells)
+    return _sample_grid(result, face.patch, face_grid(result.model.patches[face.patch], face, samples))
 
 
-def sample_at(
-    result: Result, name: str, xi: Array, spans: Indices | None = None, cells: Indices | None = None
-) -> BodySamples:
-    """Evaluate position, displacement and stress of a patch at parametric points (q, 3)."""
+def _sample_grid(result: Result, name: str, grid: Grid) -> BodySamples:
+    """Evaluate a whole grid."""
+    parts = list(_sample_slabs(result, name, grid))
+    each = ("points", "displacement", "stress", "cells")
+    return BodySamples(*(np.concatenate([getattr(part, name) for part in parts]) for name in each))
+
+
+def _sample_slabs(result: Result, name: str, grid: Grid) -> Iterator[BodySamples]:
+    """Evaluate a grid slab by slab; cells number the points of the whole grid."""
+    patch, material = result.model.patches[name], result.materials[result.model.body_of(name)]
+    displacement = result.displacement_of(name).reshape(patch.control_points.shape)
+    both = np.moveaxis(np.concatenate([patch.control_points, displacement], axis=-1), -1, 0)
+    if np.ptp(patch.weights) > 0:
+        both = np.concatenate([both * patch.weights, patch.weights[None]])
+    for slab in find_slabs(patch, grid):
+        points, moved, stress = (np.empty((*slab.shape, width)) for width in (3, 3, 6))
+        for brick, place in slab.bricks:
+            values, gradient = _evaluate_brick(brick, both[:, *brick.functions])
+            shape = points[place].shape[:3]
+            points[place], moved[place] = (np.moveaxis(v, 0, -1).reshape(*shape, 3) for v in (values[:3], values[3:]))
+            stress[place] = material.stress(gradient).reshape(*shape, 6)
+        yield BodySamples(points.reshape(-1, 3), moved.reshape(-1, 3), stress.reshape(-1, 6), slab.cells)
+
+
+def _evaluate_brick(brick: Brick, coefficients: Array) -> tuple[Array, Array]:
+    """Place and displacement (6, q) and displacement gradient (q, 3, 3); the latter no number where det J = 0."""
+    sampled = brick.gradients(coefficients, values=True)
+    if len(sampled) == 7:
+        weight = sampled[6]
+        sampled = sampled[:6] / weight[3]
+        sampled[:, :3] -= sampled[:, 3:] * (weight[:3] / weight[3])
+    tangents = sampled[:3, :3]
+    cofactors = np.stack([np.cross(tangents[:, d - 2], tangents[:, d - 1], axis=0) for d in range(3)])
+    determinant = np.einsum("jq,jq->q", tangents[:, 0], cofactors[0])
+    cofactors /= np.where(determinant == 0, np.nan, determinant)
+    return sampled[:, 3], np.einsum("iaq,ajq->ijq", sampled[3:, :3], cofactors).transpose(2, 0, 1)
+
+
+def sample_at(result: Result, name: str, xi: Array, spans: Indices | None = None) -> BodySamples:
+    """Evaluate position, displacement and stress of a patch at any parametric points (q, 3)."""
     patch = result.model.patches[name]
     both = np.concatenate([patch.control_points.reshape(-1, 3), result.displacement_of(name)], axis=1)
     values, slopes = evaluate(patch, xi, 1, both, spans)
     gradient = slopes[:, 3:] @ np.linalg.inv(slopes[:, :3])
     stress = result.materials[result.model.body_of(name)].stress(gradient)
-    return BodySamples(values[:, :3], values[:, 3:], stress, np.empty((0, 8), np.int64) if cells is None else cells)
+    return BodySamples(values[:, :3], values[:, 3:], stress, np.empty((0, 8), np.int64))
 
 
 def sample_contact(result: Result, contact: ContactResult, samples: int) -> tuple[ContactSamples, ...]:
     """Sample the secondary faces of a contact."""
     faces = result.model.faces(contact.definition.secondary)
     return tuple(_sample_secondary(result, contact, face, samples) for face in faces)
-
-
-def sample_secondary(result: Result, samples: int) -> tuple[ContactSamples, ...]:
-    """Sample every secondary face once; pressures of several contacts on it add up, the smallest gap counts."""
-    merged: dict[Face, ContactSamples] = {}
-    for contact in result.contacts:
-        faces = result.model.faces(contact.definition.secondary)
-        for face, part in zip(faces, sample_contact(result, contact, samples), strict=True):
-            if face in merged:
-                pressure, gap = merged[face].pressure + part.pressure, np.fmin(merged[face].gap, part.gap)
-                part = replace(part, pressure=pressure, gap=gap)
-            merged[face] = part
-    return tuple(merged.values())
 
 
 def _sample_secondary(result: Result, contact: ContactResult, face: Face, samples: int) -> ContactSamples:

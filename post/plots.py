@@ -1,6 +1,6 @@
 """Pictures, one function each; every function takes data and returns a matplotlib figure."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from matplotlib.cm import ScalarMappable
@@ -11,34 +11,52 @@ from matplotlib.ticker import FixedLocator, MaxNLocator
 from geom2iga.bspline import Array
 from geom2iga.patch import Face
 from geom2iga.picture import scene
-from post.fields import BodySamples, ContactSamples, sample_at, sample_face, sample_secondary
+from geom2iga.picture.skin import outer_faces
+from post.fields import BodySamples, ContactSamples, Samples
+from post.grid import face_grid
 from solve.newton import Step
 from solve.result import Result, first_passes
 
 SAMPLES = 5  # per span and direction, on the surfaces drawn
+FINE, FINEST = 25_000, 250_000  # quadrilaterals that look smooth, and that an image of two million pixels can show
 VISIBLE = 0.08  # largest displacement drawn, in sizes of the model
 UNIFORM = 1e-6  # a field whose range is below this fraction of its size is drawn as uniform
 WIDTH = 8.0  # of a figure [inches]
+WIDEST, THINNEST = 2.5, 0.5  # of knot lines [pixels]
+DENSITY = 0.1 * scene.SIZE[0]  # that width of knot lines over their distance in sizes of the model: a tenth is black
 PROFILE = 501  # points of a closed form's curve
 BLUE, BROWN = "#1f4e79", "#b35806"
 
 
-def draw_displacement(result: Result, unit: str = "", scale: float | None = None) -> Figure:
+def drawn(samples: Samples) -> Samples:
+    """Choose the samples to draw: those at hand where they are fine, but not too fine, else others."""
+    model = samples.result.model
+    spans = 0
+    for face in outer_faces(model):
+        first, second = model.surface(face).breaks
+        spans += (len(first) - 1) * (len(second) - 1)
+    if FINE <= spans * (samples.count - 1) ** 2 <= FINEST:
+        return samples
+    return Samples(samples.result, int(np.clip(1 + (FINEST / spans) ** 0.5, 2, SAMPLES)))
+
+
+def draw_displacement(samples: Samples, unit: str = "", scale: float | None = None) -> Figure:
     """Draw the deformed bodies coloured by vertical displacement, with their knot lines: the paper's Fig. 2."""
-    return _draw_bodies(result, lambda part: part.displacement, r"vertical displacement $u_z$", unit, scale)
+    return _draw_bodies(samples, lambda part: part.displacement, r"vertical displacement $u_z$", unit, scale)
 
 
-def draw_stress(result: Result, unit: str = "", scale: float | None = None) -> Figure:
+def draw_stress(samples: Samples, unit: str = "", scale: float | None = None) -> Figure:
     """Draw the deformed bodies coloured by vertical stress, with their knot lines."""
-    return _draw_bodies(result, lambda part: part.stress, r"vertical stress $\sigma_{zz}$", unit, scale)
+    return _draw_bodies(samples, lambda part: part.stress, r"vertical stress $\sigma_{zz}$", unit, scale)
 
 
-def draw_pressure(result: Result, unit: str = "") -> Figure:
+def draw_pressure(samples: Samples, unit: str = "") -> Figure:
     """Draw the contact pressure on the secondary faces, the bodies as outlines; undeformed."""
-    parts = sample_secondary(result, SAMPLES)
+    result, parts = samples.result, samples.secondary
     secondary = {face for c in result.contacts for face in result.model.faces(c.definition.secondary)}
-    lines = (line for face in secondary for line in _knot_lines(result, face, 0.0))
-    borders = (line for face in _outer_faces(result) for line in _knot_lines(result, face, 0.0, borders_only=True))
+    outer = outer_faces(result.model)
+    borders = [line for face in outer for line in _knot_lines(samples, face, 0.0, borders=True)]
+    lines = _visible_lines(samples, list(secondary), 0.0)
     pressures = [part.pressure for part in parts]
     size = max(float(np.abs(pressure).max()) for pressure in pressures)
     return _compose(parts, pressures, size, 0.0, lines, borders, "contact pressure", unit)
@@ -116,22 +134,15 @@ def deformation_scale(result: Result) -> float:
     return float(max(1.0, *(step * power for step in (1, 2, 5) if step * power <= wanted)))
 
 
-def _outer_faces(result: Result) -> list[Face]:
-    """List the faces of all patches but the glued ones, which lie inside a body."""
-    glued = {face for pair in result.model.glued for face in (pair.first, pair.second)}
-    faces = [Face(name, axis, side) for name in result.model.patches for axis in range(3) for side in (0, 1)]
-    return [face for face in faces if face not in glued]
-
-
 def _draw_bodies(
-    result: Result, field: Callable[[BodySamples], Array], label: str, unit: str, scale: float | None
+    samples: Samples, field: Callable[[BodySamples], Array], label: str, unit: str, scale: float | None
 ) -> Figure:
     """Draw all faces, deformed, coloured by the third component of a field, zz or z."""
-    scale = deformation_scale(result) if scale is None else scale
-    faces = _outer_faces(result)
-    parts = [sample_face(result, face, SAMPLES) for face in faces]
-    lines = (line for face in faces for line in _knot_lines(result, face, scale))
-    size = max(float(np.abs(field(part)).max()) for part in parts)
+    scale = deformation_scale(samples.result) if scale is None else scale
+    faces = outer_faces(samples.result.model)
+    parts = [samples.face(face) for face in faces]
+    lines = _visible_lines(samples, faces, scale)
+    size = max(float(np.nanmax(np.abs(field(part)))) for part in parts)
     figure = _compose(parts, [field(part)[:, 2] for part in parts], size, scale, lines, (), label, unit)
     text = f"displacements drawn {scale:g} times" if scale != 1 else "displacements drawn to scale"
     figure.supxlabel(text, x=0.02, horizontalalignment="left", fontsize=9)
@@ -143,8 +154,8 @@ def _compose(
     fields: Sequence[Array],
     size: float,
     scale: float,
-    lines: Iterable[Array],
-    outlines: Iterable[Array],
+    lines: tuple[Sequence[Array], float],
+    outlines: Sequence[Array],
     label: str,
     unit: str,
 ) -> Figure:
@@ -154,9 +165,9 @@ def _compose(
     cells = np.concatenate([part.cells + start for part, start in zip(parts, starts, strict=True)])
     values = np.concatenate(fields)
     limits, remark = _limits(values, size)
-    around = list(outlines)
-    surface = scene.quadrilaterals(points, cells, field=values)
-    image = scene.render(surface, limits, scene.polylines(list(lines)), scene.polylines(around) if around else None)
+    surface, (drawn_lines, width) = scene.quadrilaterals(points, cells, field=values), lines
+    outline = scene.polylines(outlines) if outlines else None
+    image = scene.render(surface, limits, scene.polylines(drawn_lines), outline, width)
     height = np.clip(WIDTH * 0.82 * image.shape[0] / image.shape[1] + 0.6, 2.8, 1.2 * WIDTH)
     figure = Figure(figsize=(WIDTH, height), layout="constrained")
     axes = figure.add_subplot()
@@ -172,7 +183,7 @@ def _compose(
 
 def _limits(values: Array, size: float) -> tuple[tuple[float, float], str]:
     """Range of colours; a field that is uniform against its size gets a range around its value and a remark."""
-    low, high = float(values.min()), float(values.max())
+    low, high = float(np.nanmin(values)), float(np.nanmax(values))
     if high - low > UNIFORM * size:
         return (low, high), ""
     remark = f"uniform, {(low + high) / 2:.6g} ± {(high - low) / 2:.1e}"
@@ -180,13 +191,26 @@ def _limits(values: Array, size: float) -> tuple[tuple[float, float], str]:
     return (low - margin, high + margin), remark
 
 
-def _knot_lines(result: Result, face: Face, scale: float, borders_only: bool = False) -> Iterator[Array]:
+def _visible_lines(samples: Samples, faces: Sequence[Face], scale: float) -> tuple[list[Array], float]:
+    """The knot lines of faces and their width [pixels], thinner where they are dense, borders alone where too dense."""
+    families = [family for face in faces for family in _families(samples, face, scale)]
+    between = np.median(np.concatenate([np.linalg.norm(np.diff(f, axis=0), axis=2).ravel() for f in families]))
+    width = min(WIDEST, DENSITY * between / np.linalg.norm(np.ptp(samples.result.space.control_points, axis=0)))
+    if width < THINNEST:
+        return [line for family in families for line in family[[0, -1]]], WIDEST
+    return [line for family in families for line in family], width
+
+
+def _knot_lines(samples: Samples, face: Face, scale: float, borders: bool = False) -> Iterator[Array]:
     """Yield the knot lines of a face, or its borders alone, as points (q, 3) at their deformed place."""
-    patch = result.model.patches[face.patch]
-    for along, across in (face.axes, face.axes[::-1]):
-        at = patch.breaks[across][[0, -1]] if borders_only else patch.breaks[across]
-        line = np.unique(np.linspace(patch.breaks[along][:-1], patch.breaks[along][1:], SAMPLES))
-        xi = np.empty((len(at), len(line), 3))
-        xi[..., face.axis], xi[..., across], xi[..., along] = patch.knots[face.axis][-face.side], at[:, None], line
-        part = sample_at(result, face.patch, xi.reshape(-1, 3))
-        yield from (part.points + scale * part.displacement).reshape(xi.shape)
+    for family in _families(samples, face, scale):
+        yield from family[[0, -1]] if borders else family
+
+
+def _families(samples: Samples, face: Face, scale: float) -> tuple[Array, Array]:
+    """The knot lines of a face across its first and its second direction, each (lines, q, 3)."""
+    part = samples.face(face)
+    lines = face_grid(samples.result.model.patches[face.patch], face, samples.count).lines
+    first, second = (lines[axis] for axis in face.axes)
+    places = (part.points + scale * part.displacement).reshape(len(first.rule.points), -1, 3)
+    return places[first.knots], places.swapaxes(0, 1)[second.knots]

@@ -5,47 +5,60 @@ import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from geom2iga.bspline import Array
 from geom2iga.files import replacing
-from post.fields import sample_contact, sample_patch
+from post.fields import BodySamples, Samples
 from post.verify import Check
 from solve.newton import Step
 from solve.result import Result, carried, first_passes
 
 
-def summarise(result: Result, checks: Sequence[Check], samples: int) -> dict[str, Any]:
-    """Collect the numbers of a result; stresses are extremes over the sample points."""
-    statistics = result.statistics
+class Extremes(NamedTuple):
+    """Of some sample points of a body; where stress is not defined, it does not count."""
+
+    displacement: float  # largest length
+    lowest: Array  # (6,) stress
+    highest: Array  # (6,) stress
+
+
+def extremes_of(part: BodySamples) -> Extremes:
+    """Find the extremes of some samples."""
+    largest = float(np.linalg.norm(part.displacement, axis=1).max())
+    return Extremes(largest, np.fmin.reduce(part.stress), np.fmax.reduce(part.stress))
+
+
+def summarise(samples: Samples, checks: Sequence[Check], extremes: Mapping[str, Sequence[Extremes]]) -> dict[str, Any]:
+    """Collect the numbers of a result; stresses are extremes over the sample points, given part by part."""
+    result, statistics = samples.result, samples.result.statistics
     keys = ("dofs", "newton_iterations", "linear_iterations", "factorisations", "strain_energy", "equilibrium_error")
     return {
         "status": result.status.name.lower(),
         **{key: statistics[key] for key in keys},
         "peak_memory": statistics["peak_memory"],
         "seconds": dict(statistics["seconds"]),
-        "bodies": {body: _body(result, body, samples) for body in result.model.bodies},
+        "bodies": {body: _body(parts) for body, parts in extremes.items()},
         "patches": {name: certificate.data for name, certificate in result.model.certificates.items()},
-        "contact": list(_contacts(result, samples)),
+        "contact": list(_contacts(samples)),
         "load_steps": load_steps(result),
         "verify": [asdict(check) for check in checks],
     }
 
 
-def _body(result: Result, body: str, samples: int) -> dict[str, Any]:
-    parts = [sample_patch(result, name, samples) for name in result.model.bodies[body]]
-    stress = np.concatenate([part.stress for part in parts])
+def _body(parts: Sequence[Extremes]) -> dict[str, Any]:
     return {
-        "displacement_max": max(float(np.linalg.norm(part.displacement, axis=1).max()) for part in parts),
-        "stress_min": stress.min(axis=0).tolist(),
-        "stress_max": stress.max(axis=0).tolist(),
+        "displacement_max": max(part.displacement for part in parts),
+        "stress_min": np.fmin.reduce([part.lowest for part in parts]).tolist(),
+        "stress_max": np.fmax.reduce([part.highest for part in parts]).tolist(),
     }
 
 
-def _contacts(result: Result, samples: int) -> Iterator[dict[str, Any]]:
-    for contact in result.pairs:
-        parts = sample_contact(result, contact, samples)
+def _contacts(samples: Samples) -> Iterator[dict[str, Any]]:
+    for contact in samples.result.pairs:
+        parts = samples.contacts[contact]
         gaps = np.concatenate([part.gap for part in parts])
         yield {
             **carried(contact),

@@ -1,7 +1,8 @@
 """The [[verify]] entries: computed against known answers."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,7 +11,8 @@ from geom2iga.errors import CaseError, suggestion
 from geom2iga.model import Model
 from geom2iga.tables import Source, checked
 from post.case import ON_CONTACTS, PostCase, Verify
-from post.fields import BodySamples, sample_contact, sample_face, sample_patch
+from post.fields import BodySamples, Samples
+from post.grid import choose_samples
 from solve.case import Contact
 from solve.material import VOIGT
 from solve.result import Result
@@ -30,6 +32,13 @@ class Check:
     source: str
 
 
+class Worst(NamedTuple):
+    """Where a quantity differs most from its exact value."""
+
+    difference: float  # not a number where the quantity is none
+    found: Array  # (k,)
+
+
 def verify(result: Result, source: Source) -> tuple[Check, ...]:
     """Compare a result with the known answers of a case, at all sample points.
 
@@ -42,22 +51,45 @@ def verify(result: Result, source: Source) -> tuple[Check, ...]:
     Raises
     ------
     CaseError
-        An entry that names something the model does not have.
+        An entry that names something the model does not have, or quantities of a contact where no sides are opposite.
     """
     case = checked(source, PostCase)
     result.check_converged()
-    check_names(result.model, [contact.definition for contact in result.pairs], case.verify)
+    model, entries = result.model, case.verify
+    check_names(model, [contact.definition for contact in result.pairs], entries)
+    samples = Samples(result, case.post.samples or choose_samples(model))
+    bodies = [body for body in model.bodies if any(_concerns(entry, body) for entry in entries)]
+    return compare(samples, entries, [look_at(model, entries, name, part) for name, part in samples.slabs(bodies)])
+
+
+def look_at(model: Model, entries: Sequence[Verify], name: str, part: BodySamples) -> Mapping[int, Worst]:
+    """Compare some samples of a patch with the entries that concern its body: what differs most, by number of entry."""
+    body = model.body_of(name)
+    concerned = [number for number, entry in enumerate(entries) if _concerns(entry, body)]
+    return {number: _worst(entries[number], _quantity(part, entries[number].quantity)) for number in concerned}
+
+
+def compare(samples: Samples, entries: Sequence[Verify], looks: Sequence[Mapping[int, Worst]]) -> tuple[Check, ...]:
+    """Compare faces and contacts with the entries, and add what was found when looking at all patches."""
     checks = []
-    for entry in case.verify:
-        parts = list(_values(result, entry, case.post.samples))
-        values = np.concatenate([part.reshape(len(part), -1) for part in parts])
-        difference = np.abs(values - np.array(entry.value)).max(axis=1)
-        worst = int(np.argmax(np.where(np.isnan(difference), np.inf, difference)))
-        found = values[worst].tolist() if isinstance(entry.value, tuple) else float(values[worst, 0])
-        expected = list(entry.value) if isinstance(entry.value, tuple) else entry.value
-        passed = bool(difference[worst] <= entry.tolerance)
-        largest = float(difference[worst])
-        checks.append(Check(entry.quantity, entry.on, expected, found, largest, entry.tolerance, passed, entry.source))
+    for number, entry in enumerate(entries):
+        found = [look[number] for look in looks if number in look]
+        found += [_worst(entry, values) for values in _values(samples, entry) if len(values)]
+        if not found:
+            raise CaseError(f"verify[{number}]: the sides of the contact lie opposite at no sample point")
+        difference, values = max(found, key=lambda worst: np.inf if np.isnan(worst.difference) else worst.difference)
+        checks.append(
+            Check(
+                quantity=entry.quantity,
+                on=entry.on,
+                expected=list(entry.value) if isinstance(entry.value, tuple) else entry.value,
+                found=values.tolist() if isinstance(entry.value, tuple) else float(values[0]),
+                difference=difference,
+                tolerance=entry.tolerance,
+                passed=difference <= entry.tolerance,
+                source=entry.source,
+            )
+        )
     return tuple(checks)
 
 
@@ -74,39 +106,46 @@ def check_names(model: Model, contacts: Sequence[Contact], entries: Sequence[Ver
             raise CaseError(f'verify[{number}]: there is no {what} "{entry.on}"; {suggestion(entry.on, known)}')
 
 
-def _values(result: Result, entry: Verify, samples: int) -> Iterator[Array]:
-    """Yield arrays (q,) or (q, k) of a quantity, one per patch, face or contact."""
+def _concerns(entry: Verify, body: str) -> bool:
+    """Whether an entry asks for all sample points of a body."""
+    return entry.quantity not in ON_CONTACTS and entry.on in (None, body)
+
+
+def _worst(entry: Verify, values: Array) -> Worst:
+    """Find where values (q,) or (q, k) differ most."""
+    rows = values.reshape(len(values), -1)
+    difference = np.abs(rows - np.array(entry.value)).max(axis=1)
+    worst = int(np.argmax(difference))  # of a value that is no number where there is one
+    return Worst(float(difference[worst]), rows[worst])
+
+
+def _quantity(part: BodySamples, quantity: str) -> Array:
+    """The values (q,) or (q, k) of a quantity."""
+    if quantity.startswith("stress_"):
+        names = ["".join("xyz"[i] for i in pair) for pair in VOIGT]
+        return part.stress[:, names.index(quantity.removeprefix("stress_"))]
+    if quantity in ("ux", "uy", "uz"):
+        return part.displacement[:, "xyz".index(quantity[1])]
+    return np.asarray(getattr(part, quantity))
+
+
+def _values(samples: Samples, entry: Verify) -> Iterator[Array]:
+    """Yield arrays (q,) or (q, k) of a quantity on the faces or contacts that an entry names."""
     if entry.quantity in ON_CONTACTS:
-        yield from _contact_values(result, entry, samples)
+        yield from _contact_values(samples, entry)
         return
-    for part in _samples(result, entry.on, samples):
-        if entry.quantity.startswith("stress_"):
-            names = ["".join("xyz"[i] for i in pair) for pair in VOIGT]
-            yield part.stress[:, names.index(entry.quantity.removeprefix("stress_"))]
-        elif entry.quantity in ("ux", "uy", "uz"):
-            yield part.displacement[:, "xyz".index(entry.quantity[1])]
-        else:
-            yield getattr(part, entry.quantity)
+    for face in samples.result.model.groups.get(entry.on or "", ()):
+        yield _quantity(samples.face(face), entry.quantity)
 
 
-def _samples(result: Result, on: str | None, samples: int) -> Iterator[BodySamples]:
-    """Sample a body, a face, or everything."""
-    model = result.model
-    for face in model.groups.get(on or "", ()):
-        yield sample_face(result, face, samples)
-    for body in model.bodies if on is None else [on] if on in model.bodies else []:
-        for name in model.bodies[body]:
-            yield sample_patch(result, name, samples)
-
-
-def _contact_values(result: Result, entry: Verify, samples: int) -> Iterator[Array]:
+def _contact_values(samples: Samples, entry: Verify) -> Iterator[Array]:
     """Yield a quantity of each contact; fields only where the primary side lies opposite."""
     whole = {"penetration": "penetration", "contact_area": "area", "contact_force": "force", "contact_moment": "moment"}
-    for contact in (c for c in result.pairs if entry.on in (None, c.definition.secondary)):
+    for contact in (c for c in samples.result.pairs if entry.on in (None, c.definition.secondary)):
         if entry.quantity in whole:
             yield np.atleast_1d(getattr(contact, whole[entry.quantity]))[None]
             continue
-        parts = sample_contact(result, contact, samples)
+        parts = samples.contacts[contact]
         if entry.quantity == "pressure_max":
             yield np.array([max(part.pressure.max() for part in parts)])
         else:

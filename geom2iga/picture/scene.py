@@ -24,6 +24,7 @@ import pyvista
 Image = NDArray[np.uint8]
 SIZE = (1600, 1300)
 DPI = 200
+COMPRESSION = 3  # of PNG files: half the time of the usual 6, and as small
 COLOURS = "viridis"
 ABOVE = (1.0, -2.0, 0.9)  # seen from the front, right and above
 VIEW = [ABOVE, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)]
@@ -119,14 +120,18 @@ def dots(points: Array) -> pyvista.PolyData:
 
 
 def render(
-    surface: pyvista.PolyData, limits: tuple[float, float], lines: pyvista.PolyData, outline: pyvista.PolyData | None
+    surface: pyvista.PolyData,
+    limits: tuple[float, float],
+    lines: pyvista.PolyData,
+    outline: pyvista.PolyData | None,
+    width: float,
 ) -> Image:
     """Render a surface coloured by its "field", black lines on it, grey outlines around it; white margins are cut."""
     plotter = _plotter(SIZE)
     light = {"ambient": 0.85, "diffuse": 0.15, "specular": 0.0}  # near the colours of the bar, yet edges show
     colours = {"scalars": "field", "cmap": COLOURS, "clim": limits, "show_scalar_bar": False}
     _add(plotter, Layer(surface, {**colours, **light}))
-    _add(plotter, Layer(lines, {"color": "black", "line_width": 2.5}))
+    _add(plotter, Layer(lines, {"color": "black", "line_width": width}))
     if outline is not None:
         _add(plotter, Layer(outline, {"color": "#666666", "line_width": 2}))
     plotter.add_axes(line_width=5, color="black")
@@ -167,8 +172,13 @@ def seen_numbers(mesh: pyvista.PolyData, numbers: Indices, camera: Camera) -> In
 
 def save(figure: Figure, path: Path) -> None:
     """Write a figure; the ending of the name says in which format."""
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        engine.execute(figure)  # once; matplotlib itself would draw all images to lay it out, then draw them again
+        figure.set_layout_engine(None)
+    quick: dict[str, Any] = {"pil_kwargs": {"compress_level": COMPRESSION}} if path.suffix == ".png" else {}
     with replacing(path) as temporary:
-        figure.savefig(temporary, dpi=DPI)
+        figure.savefig(temporary, dpi=DPI, **quick)
 
 
 def _plotter(size: tuple[int, int]) -> pyvista.Plotter:

@@ -4,7 +4,8 @@ import pytest
 import geom2iga
 import solve
 from geom2iga import Face, evaluate
-from post.fields import sample_at, sample_contact, sample_face, sample_grid, sample_patch, sample_secondary
+from post.fields import Samples, sample_at, sample_contact, sample_face, sample_patch
+from post.grid import sample_grid
 
 
 @pytest.mark.parametrize("samples", [2, 3, 5])
@@ -85,7 +86,7 @@ def test_a_face_on_two_others_shows_the_pressure_of_both():
         },
     }
     result = solve.solve(geom2iga.build(case), case)
-    (part,) = sample_secondary(result, 3)
+    (part,) = Samples(result, 3).secondary
     for x in sides.values():
         over = (part.points[:, 0] > x + 0.01) & (part.points[:, 0] < x + 0.99)
         assert part.pressure[over].max() > 1

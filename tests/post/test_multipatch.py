@@ -8,9 +8,9 @@ import pytest
 
 import solve
 from geom2iga import Model
-from post import plots, verify
-from post.fields import sample_contact, sample_patch
-from post.summary import summarise
+from geom2iga.picture.skin import outer_faces
+from post import export, verify
+from post.fields import Samples, sample_contact, sample_patch
 from post.vtu import write_bodies, write_contact
 from solve.files import read_result, write_result
 from tests.verification.glued_bodies import glued_model, pressed, wall
@@ -53,8 +53,8 @@ def test_the_gap_is_that_to_the_nearest_primary_face_that_looks_back(glued):
 
 
 def test_files_hold_every_patch_once_and_number_bodies_not_patches(glued, tmp_path):
-    write_bodies(tmp_path / "bodies.vtu", glued, 3)
-    write_contact(tmp_path / "contact.vtu", glued, 3)
+    write_bodies(tmp_path / "bodies.vtu", Samples(glued, 3), lambda name, part: None)
+    write_contact(tmp_path / "contact.vtu", Samples(glued, 3))
     bodies, contact = (meshio.read(tmp_path / name) for name in ("bodies.vtu", "contact.vtu"))
     cells = [sum(len(sample_patch(glued, name, 3).cells) for name in names) for names in glued.model.bodies.values()]
     assert np.bincount(bodies.cell_data["body"][0]).tolist() == cells
@@ -62,14 +62,14 @@ def test_files_hold_every_patch_once_and_number_bodies_not_patches(glued, tmp_pa
     np.testing.assert_allclose(contact.point_data["pressure"], 1, atol=1e-9)
 
 
-def test_the_summary_lists_bodies_not_patches(glued):
-    summary = summarise(glued, (), 2)
+def test_the_summary_lists_bodies_not_patches(glued, tmp_path):
+    summary = export(glued, {"post": {"pictures": False}}, tmp_path)
     assert list(summary["bodies"]) == ["lower", "upper"]
     assert summary["contact"][0]["area"] == pytest.approx(1, rel=1e-12)
 
 
 def test_glued_faces_are_not_drawn(glued):
-    drawn = plots._outer_faces(glued)
+    drawn = outer_faces(glued.model)
     assert len(drawn) == 2 * 4 * 4
     assert not {face for pair in glued.model.glued for face in (pair.first, pair.second)} & set(drawn)
 

@@ -1,11 +1,14 @@
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
 import geom2iga
 import solve
 from geom2iga import CaseError
-from post import verify
+from post import export, fields, verify
 from post.exact import StackedBlocks
-from post.summary import summarise
+from post.fields import sample_contact
 
 
 def entry(**values):
@@ -43,13 +46,13 @@ def test_the_blocks_settle_by_hooke_and_by_the_overlap(patch_test, height):
     assert check.passed
 
 
-def test_of_two_passes_the_first_has_the_whole_force_and_pressure(case):
+def test_of_two_passes_the_first_has_the_whole_force_and_pressure(case, tmp_path):
     twice = case.changed({"solve.contact.0.two_pass": True})
     result = solve.solve(geom2iga.build(twice), twice)
     for quantity, value in (("contact_force", [0.0, 0.0, 1.0]), ("pressure", 1.0), ("pressure_max", 1.0)):
         (check,) = verify(result, entry(quantity=quantity, value=value))
         assert check.passed
-    assert len(summarise(result, (), 2)["contact"]) == 1
+    assert len(export(result, {"post": {"pictures": False}}, tmp_path)["contact"]) == 1
 
 
 def test_a_result_that_has_not_converged_has_nothing_to_verify(bent_case):
@@ -62,8 +65,6 @@ def test_a_result_that_has_not_converged_has_nothing_to_verify(bent_case):
 
 
 def test_pressure_without_a_contact_is_named(patch_test):
-    from dataclasses import replace
-
     bare = replace(patch_test.state, contacts=())
     with pytest.raises(CaseError, match="needs a contact"):
         verify(replace(patch_test, states=(bare,)), entry(quantity="pressure", value=1.0))
@@ -96,3 +97,12 @@ def test_a_wrong_answer_is_missed_and_the_worst_value_shown(patch_test):
 def test_a_wrong_entry_is_named(patch_test, given, named):
     with pytest.raises(CaseError, match=named):
         verify(patch_test, entry(**given))
+
+
+def test_a_gap_without_opposite_sides_is_named(patch_test, monkeypatch):
+    def nowhere(*arguments):
+        return tuple(replace(part, gap=np.full(len(part.gap), np.nan)) for part in sample_contact(*arguments))
+
+    monkeypatch.setattr(fields, "sample_contact", nowhere)
+    with pytest.raises(CaseError, match=r"verify\[0\].* opposite at no sample point"):
+        verify(patch_test, entry(quantity="gap", value=0.0))
