@@ -21,7 +21,7 @@ from solve.elasticity import assemble_stiffness
 from solve.equilibrium import Settings, Start, find_equilibrium
 from solve.iterative import Iterated
 from solve.linear import DirectSolver, direct_solver
-from solve.memory import check_memory, fits, is_iterative
+from solve.memory import KEPT, check_memory, fits, is_iterative, map_numbers
 from solve.newton import ROUNDING, Solution, Status, Step
 from solve.operator import Stiffness
 from solve.problem import Pass, Problem, prepare
@@ -112,7 +112,8 @@ def _assemble(problem: Problem, solver: DirectSolver | None) -> Assembled:
     if solver:
         stiffness = assemble_stiffness(space, materials)
     else:
-        stiffness = Stiffness(space, materials, exact_rules(space), stored=False)
+        rules = exact_rules(space)
+        stiffness = Stiffness(space, materials, rules, stored=map_numbers(space, rules) <= KEPT)
     loaded = reduced_system(stiffness, problem.load, mortar, springs, problem.allowed, problem.rigid)
     unloaded = replace(loaded, load=np.zeros_like(loaded.load), initial_gap=mortar.initial_gap)
     tangents = Factorised(loaded.tangent, solver) if solver else Iterated(problem)
@@ -236,7 +237,7 @@ def _unbalanced(problem: Problem, system: System, solution: Solution) -> tuple[f
     The residual on free unknowns is all that reactions do not take.
     """
     contact = system.gap_operator.T @ solution.pressure
-    residual = system.load - system.stiffness @ solution.free + contact
+    residual = system.load - solution.inner + contact
     unbalanced = (problem.allowed.matrix @ residual).reshape(-1, 3)
     bodies = problem.space.model.bodies
     total = max(float(np.abs(unbalanced[problem.space.body_numbers(body)].sum(axis=0)).max()) for body in bodies)

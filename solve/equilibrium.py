@@ -140,19 +140,23 @@ def _solved(task: _Task, start: Start | None) -> Solution:
             free, pressure = task.tangents.equalised(task.system, task.law, active, pressure)
         except SingularMatrixError:  # more gaps than displacements that close them: updates decide
             continue
-        step, following, off = _judged(task, free, pressure, active, ROUNDING / SETTLED * sprung.scale)
+        inner = task.system.stiffness @ free
+        step, following, off = _judged(task, free, inner, pressure, active, ROUNDING / SETTLED * sprung.scale)
         task.record(replace(step, seconds=time.perf_counter() - began), updates)
         if step.changes == 0:
             status = Status.CONVERGED if max(off, step.residual) <= SETTLED else Status.INACCURATE
-            return Solution(status, free, pressure, (), sprung.scale)
+            return Solution(status, free, inner, pressure, (), sprung.scale)
         active = following
     return sprung
 
 
-def _judged(task: _Task, free: Array, pressure: Array, active: Mask, least: float) -> tuple[Step, Mask, float]:
+def _judged(
+    task: _Task, free: Array, inner: Array, pressure: Array, active: Mask, least: float
+) -> tuple[Step, Mask, float]:
     """Put down a step, find the gaps that press next, and by how much those that press are off, relative.
 
-    Those that pull let go, those that overlap close. The residual is relative to a force that is not below the least.
+    Inner forces are K v. Those that pull let go, those that overlap close. The residual is relative to a force that is
+    not below the least.
     """
     system, law = task.system, task.law
     gap = system.control_gaps(free) + law.compliance * pressure
@@ -160,7 +164,7 @@ def _judged(task: _Task, free: Array, pressure: Array, active: Mask, least: floa
     pulled = active & (pressure < -ROUNDED * np.abs(pressure).max(initial=0.0))
     closed = ~active & (gap < -ROUNDED * size)
     following = (active & ~pulled) | closed
-    forces = (system.load, system.stiffness @ free, system.gap_operator.T @ pressure)
+    forces = (system.load, inner, system.gap_operator.T @ pressure)
     residual = forces[0] - forces[1] + forces[2]
     largest = max(least, *(np.abs(force).max(initial=0.0) for force in forces))
     energy = float(free @ (forces[1] / 2 - forces[0]) + pressure @ (law.compliance * system.area * pressure) / 2)

@@ -120,7 +120,8 @@ class Line(NamedTuple):
 
 def straightened(patch: Patch, material: Material) -> list[list[Line]]:
     """Matrices of each component and direction; products of functions of one direction replace the coefficients."""
-    at = [np.linspace(b[0], b[-1], 2 * SAMPLED + 1)[1::2] for b in patch.breaks]
+    count = 1 if is_affine(patch) else SAMPLED
+    at = [np.linspace(b[0], b[-1], 2 * count + 1)[1::2] for b in patch.breaks]
     return [_lines(patch, at, logs) for logs in np.log(_coefficients(patch, material, at))]
 
 

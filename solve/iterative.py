@@ -17,8 +17,9 @@ from solve.rules import smooth_rules
 from solve.system import System
 
 MOST_ITERATIONS = 1000
-FINEST = 1e-4  # relative tolerance that single precision allows for
-CORRECTIONS = 10  # of a solution with multipliers, by its residual in double precision
+FINEST = 1e-5  # relative tolerance that single precision allows for
+CORRECTED = 1e-4  # relative tolerance of each correction of a solution with multipliers
+CORRECTIONS = 10  # at most, by the residual in double precision
 EXACT = 1e-13  # relative residual at which they end
 
 
@@ -119,7 +120,7 @@ class Iterated:
             )
             if best <= EXACT or best > before / 2:
                 break
-            moved, pushed = self._corrected(rows, compliance, force, gap, FINEST)
+            moved, pushed = self._corrected(rows, compliance, force, gap, CORRECTED)
             free, pressure[rows] = free + moved, pressure[rows] + pushed
         return free, pressure
 

@@ -9,12 +9,11 @@ from geom2iga.bspline import Array
 from geom2iga.errors import CaseError
 from geom2iga.model import Model
 from geom2iga.patch import Face
-from solve.bricks import find_bricks
 from solve.case import BodyForce, Contact, Load
 from solve.contact.cells import Cells, find_cells
 from solve.face import area_vectors, nodal_forces, surface_of
 from solve.material import named_bodies
-from solve.metric import scaling, volumes_of
+from solve.metric import shares_of
 from solve.rules import full_rules
 from solve.space import Space, gauss_points
 
@@ -65,14 +64,10 @@ def face_load(space: Space, face: Face, load: Load) -> Array:
 
 def body_load(space: Space, body: str, force: Array) -> Array:
     """Integrate a force per volume (3,) over a body: f_A = ∫ R_A b dV, forces (n, 3)."""
-    forces = np.zeros((space.size, 3))
+    forces, rules = np.zeros((space.size, 3)), full_rules(space)
     for name in space.model.bodies[body]:
-        patch = space.model.patches[name]
-        shares = np.zeros(patch.shape)
-        for brick in find_bricks(patch, full_rules(space)[name]):
-            volume, weight = volumes_of(brick, patch)
-            shares[brick.functions] += brick.moments(volume / weight)
-        forces += np.multiply.outer(space.spread(name) @ (shares * scaling(patch)).ravel(), force)
+        shares = space.spread(name) @ shares_of(space.model.patches[name], rules[name]).ravel()
+        forces += np.multiply.outer(shares, force)
     return forces
 
 

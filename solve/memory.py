@@ -1,5 +1,6 @@
 """Which way linear systems are solved, and whether the machine has the memory for it."""
 
+from collections.abc import Mapping
 from math import prod
 
 import psutil
@@ -8,13 +9,14 @@ from geom2iga.errors import CaseError
 from solve.complement import DENSE
 from solve.linear import DirectSolver
 from solve.problem import Problem
-from solve.rules import smooth_rules
-from solve.space import is_affine
+from solve.rules import Rules, exact_rules, smooth_rules
+from solve.space import Space, is_affine
 
 FEW = 5_000  # unknowns up to which factors are faster
 FEW_PER_PATCH = 500  # unknowns of a patch below which its part of an iteration costs more than it is worth
 FILL = 240.0  # bytes of factors: so many times N^(4/3) p^1.5, measured with PARDISO on cubes of degree 1 to 4
 COPIES = 3  # of the matrix: of all unknowns, of free ones, with contact
+KEPT = 40_000_000  # numbers of exactly integrated maps that are kept from one application to the next
 VECTORS = 40  # of double precision that an analysis holds at once
 GIGABYTE = 1e9
 
@@ -52,6 +54,14 @@ def check_memory(problem: Problem, solver: DirectSolver | None) -> None:
         )
 
 
+def map_numbers(space: Space, rules: Mapping[str, Rules]) -> int:
+    """How many numbers describe the maps of all patches at quadrature points."""
+    return sum(
+        (1 if is_affine(patch) else 12) * prod(len(rule.points) for rule in rules[name])
+        for name, patch in space.model.patches.items()
+    )
+
+
 def _of_factors(problem: Problem, fill: float) -> float:
     """Memory of the matrix and its factors [bytes]."""
     patches = problem.space.model.patches.values()
@@ -64,10 +74,7 @@ def _of_factors(problem: Problem, fill: float) -> float:
 def _of_iterations(problem: Problem) -> float:
     """Memory of what conjugate gradients keep [bytes]."""
     space = problem.space
-    maps = 0
-    for name, rules in smooth_rules(space).items():
-        patch = space.model.patches[name]
-        maps += (1 if is_affine(patch) else 12) * prod(len(rule.points) for rule in rules)
+    maps = map_numbers(space, smooth_rules(space)) + 2 * min(map_numbers(space, exact_rules(space)), KEPT)
     gaps = len(problem.mortar.area)
     sides = [prod(space.face_grid(face).shape) for face in problem.touching]
     dense = 2 * gaps**2 + 2 * max(sides, default=0) ** 2 if gaps <= DENSE else 0

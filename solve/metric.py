@@ -6,9 +6,10 @@ import numpy as np
 
 from geom2iga.bspline import Array
 from geom2iga.errors import GeometryError
-from geom2iga.patch import Patch
-from solve.bricks import Brick, Floats
-from solve.space import is_rational
+from geom2iga.patch import Patch, evaluate
+from solve.bricks import Brick, Floats, find_bricks, line
+from solve.rules import Rules
+from solve.space import is_affine, is_rational
 
 
 class Metric(NamedTuple):
@@ -73,10 +74,18 @@ def metric_of(brick: Brick, patch: Patch, scale: float) -> Metric:
     return Metric(cofactors, slopes)
 
 
-def volumes_of(brick: Brick, patch: Patch) -> tuple[Floats, Floats]:
-    """Volume (q,) of each point [length³] and the weight function W there, (q,) or (1,)."""
-    _, determinant, weight, _ = map_of(brick, patch)
-    return determinant * brick.weights, weight
+def shares_of(patch: Patch, rules: Rules) -> Array:
+    """Integrate each basis function over a volume: ∫ R_a dV, (n_1, n_2, n_3) [length³]."""
+    shares = np.zeros(patch.shape)
+    if is_affine(patch) and not is_rational(patch):
+        middle = np.array([[at.mean() for at in patch.breaks]])
+        each = (line(*along) for along in zip(patch.knots, patch.degrees, rules, strict=True))
+        first, second, third = (piece.weights @ piece.values for piece in each)
+        return np.linalg.det(evaluate(patch, middle, 1)[1][0]) * first[:, None, None] * second[:, None] * third
+    for brick in find_bricks(patch, rules):
+        _, determinant, weight, _ = map_of(brick, patch)
+        shares[brick.functions] += brick.moments(determinant * brick.weights / weight)
+    return shares * scaling(patch)
 
 
 def _crossed(one: Floats, other: Floats) -> Floats:

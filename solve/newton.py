@@ -16,7 +16,8 @@ from solve.tangents import Factorised, Tangents
 
 APPROACHES = 5  # in which the area on which rigid bodies rest is found
 SETTLED = 1e-8  # largest relative residual at which rounding may end the iteration
-COARSE, FINE = 1e-3, 1e-4  # relative tolerance of linear solutions while gaps open and close, and when none does
+COARSE, FINE = 1e-3, 1e-5  # relative tolerance of linear solutions while gaps open and close, and when none does
+SURPLUS = 10.0  # by which the last linear solution is better than the tolerance of the whole asks for
 ROUNDING = 1e-14  # residual, over the largest force that ever acted, that is a rounding error
 
 
@@ -61,6 +62,7 @@ class Solution(NamedTuple):
 
     status: Status
     free: Array  # (free,)
+    inner: Array  # (free,) forces of the stresses, K v
     pressure: Array  # (m,)
     history: tuple[Step, ...]
     scale: float  # largest force seen
@@ -139,7 +141,7 @@ def minimise(
         status = Status.SLOW
     except SingularMatrixError:
         status = Status.SINGULAR
-    return Solution(status, at.free, system.law.pressure(at.gap), tuple(history), at.largest)
+    return Solution(status, at.free, at.inner, system.law.pressure(at.gap), tuple(history), at.largest)
 
 
 def _balanced(system: System, settings: Newton) -> Array:
@@ -204,8 +206,16 @@ def _direction(
         if np.abs(push).max(initial=0.0) > settings.tolerance * at.largest:
             return push
         active = np.ones_like(active)  # nothing pushes: any springs will do
-    settled = history and history[-1].changes == 0
-    return tangents.solved(active, at.residual, FINE if settled else COARSE)
+    return tangents.solved(active, at.residual, _sought(at, settings, history) if held else COARSE)
+
+
+def _sought(at: Iterate, settings: Newton, history: list[Step]) -> float:
+    """Relative tolerance of the next linear solution: no less than the last one was worth, no more than is wanted."""
+    if history and history[-1].changes:
+        return COARSE
+    before = [step.residual for step in history if step.changes == 0][-2:]
+    worth = before[1] / before[0] if len(before) == 2 else 0.0
+    return min(COARSE, max(FINE, worth / 2, settings.tolerance / at.relative / SURPLUS))
 
 
 def exact_step(system: System, at: Iterate, direction: Array, inner: Array) -> float:

@@ -14,11 +14,13 @@ from scipy.sparse.linalg import LinearOperator
 from geom2iga.bspline import Array, Indices
 from geom2iga.patch import Patch, evaluate
 from geom2iga.threads import thread_count
-from solve.bricks import Brick, Floats, find_bricks
+from solve.bricks import SPANS, THREADED, Brick, Empty, Floats, Scratch, find_bricks
 from solve.material import Material
 from solve.metric import Metric, metric_of, scaling
 from solve.rules import Rules
 from solve.space import Space, is_affine, is_rational
+
+SCRATCH = Scratch()
 
 
 class Curved(NamedTuple):
@@ -31,13 +33,14 @@ class Curved(NamedTuple):
         """The same in another precision."""
         return Curved(self.metric.rounded(precision), self.ratio)
 
-    def forces(self, brick: Brick, coefficients: Floats) -> Floats:
+    def forces(self, brick: Brick, coefficients: Floats, empty: Empty) -> Floats:
         """Forces (3, n_1, n_2, n_3) on the control points of a brick from their displacements."""
         inverse, slopes = self.metric
-        gradients = brick.gradients(coefficients, slopes is not None)
+        gradients = brick.gradients(coefficients, slopes is not None, empty)
         if slopes is not None:
             gradients[:, :3] -= gradients[:, 3:] * slopes
-        strain = np.einsum("iaq,ajq->ijq", gradients[:, :3], inverse)
+        strain = empty((3, 3, gradients.shape[2]), gradients.dtype)
+        np.einsum("iaq,ajq->ijq", gradients[:, :3], inverse, out=strain)
         pressure = self.ratio * (strain[0, 0] + strain[1, 1] + strain[2, 2])
         for i in range(3):
             for j in range(i):
@@ -48,7 +51,7 @@ class Curved(NamedTuple):
         np.einsum("ijq,ajq->iaq", strain, inverse, out=gradients[:, :3])
         if slopes is not None:
             np.einsum("iaq,aq->iq", gradients[:, :3], -slopes, out=gradients[:, 3])
-        return brick.integrated(gradients)
+        return brick.integrated(gradients, empty)
 
 
 class Straight(NamedTuple):
@@ -61,12 +64,13 @@ class Straight(NamedTuple):
         """The same in another precision."""
         return Straight(self.tensor.astype(precision), self.weights.astype(precision, copy=False))
 
-    def forces(self, brick: Brick, coefficients: Floats) -> Floats:
+    def forces(self, brick: Brick, coefficients: Floats, empty: Empty) -> Floats:
         """Forces (3, n_1, n_2, n_3) on the control points of a brick from their displacements."""
-        gradients = brick.gradients(coefficients)
-        fluxes = self.tensor @ gradients.reshape(9, -1)
+        gradients = brick.gradients(coefficients, empty=empty)
+        fluxes = empty((9, len(self.weights)), gradients.dtype)
+        np.matmul(self.tensor, gradients.reshape(fluxes.shape), out=fluxes)
         fluxes *= self.weights
-        return brick.integrated(fluxes.reshape(gradients.shape))
+        return brick.integrated(fluxes.reshape(gradients.shape), empty)
 
 
 def straight(patch: Patch, material: Material) -> Array:
@@ -82,7 +86,8 @@ def straight(patch: Patch, material: Material) -> Array:
 class _Part:
     """A patch: where its control points are, and what to do on each of its bricks."""
 
-    scaling: Floats  # of coefficients
+    shape: tuple[int, ...]
+    scaling: Floats | None  # of coefficients
     numbers: Indices
     spread: csr_array
     bricks: tuple[Brick, ...]
@@ -91,7 +96,7 @@ class _Part:
     def forces(self, number: int, displacement: Floats) -> Floats:
         """Forces of one brick from the displacements (3, n_1, n_2, n_3) of the patch."""
         brick = self.bricks[number]
-        return self.metric(number).forces(brick, displacement[:, *brick.functions])
+        return self.metric(number).forces(brick, displacement[:, *brick.functions], SCRATCH.restart())
 
 
 class Stiffness(LinearOperator):
@@ -123,7 +128,8 @@ class Stiffness(LinearOperator):
         stored: bool = True,
     ) -> None:
         super().__init__(np.dtype(precision), (space.dofs, space.dofs))
-        self._pool = ThreadPoolExecutor(thread_count())
+        self._threads = thread_count()
+        self._pool = ThreadPoolExecutor(self._threads)
         self._parts = [
             self._part(space, name, materials[space.model.body_of(name)], rules[name], stored)
             for name in space.model.patches
@@ -132,8 +138,10 @@ class Stiffness(LinearOperator):
     def _part(self, space: Space, name: str, material: Material, rules: Rules, stored: bool) -> _Part:
         """Cut a patch into bricks."""
         patch, numbers = space.model.patches[name], space.numbers[name]
-        spread, factors = space.spread(name).astype(self.dtype), scaling(patch).astype(self.dtype)
-        exact, bricks = (tuple(find_bricks(patch, rules, precision)) for precision in (float, self.dtype))
+        spread = space.spread(name).astype(self.dtype)
+        factors = scaling(patch).astype(self.dtype) if is_rational(patch) else None
+        spans = SPANS * THREADED if self._threads > 1 else SPANS
+        exact, bricks = (tuple(find_bricks(patch, rules, precision, spans)) for precision in (float, self.dtype))
         tensor = None if is_rational(patch) or not is_affine(patch) else straight(patch, material)
 
         def metric(number: int) -> Curved | Straight:
@@ -144,8 +152,15 @@ class Stiffness(LinearOperator):
             return Curved(metric_of(brick, patch, shear), lame / shear).rounded(self.dtype)
 
         if stored:
-            return _Part(factors, numbers, spread, bricks, list(self._pool.map(metric, range(len(bricks)))).__getitem__)
-        return _Part(factors, numbers, spread, bricks, metric)
+            return _Part(
+                patch.shape,
+                factors,
+                numbers,
+                spread,
+                bricks,
+                list(self._pool.map(metric, range(len(bricks)))).__getitem__,
+            )
+        return _Part(patch.shape, factors, numbers, spread, bricks, metric)
 
     def _matvec(self, displacement: Floats) -> Floats:
         """Forces (dofs,) from displacements (dofs,)."""
@@ -157,10 +172,14 @@ class Stiffness(LinearOperator):
 
     def _forces(self, part: _Part, displacement: Floats) -> Floats:
         """Forces (n, 3) on the control points of a patch."""
-        grid = displacement.T.reshape(3, *part.scaling.shape) * part.scaling
+        grid = np.ascontiguousarray(displacement.T).reshape(3, *part.shape)
+        if part.scaling is not None:
+            grid *= part.scaling
         forces = np.zeros_like(grid)
-        mapped = self._pool.map if len(part.bricks) > 1 else map
+        mapped = self._pool.map if min(self._threads, len(part.bricks)) > 1 else map
         found = mapped(partial(part.forces, displacement=grid), range(len(part.bricks)))
         for brick, local in zip(part.bricks, found, strict=True):
             forces[:, *brick.functions] += local
-        return (forces * part.scaling).reshape(3, -1).T
+        if part.scaling is not None:
+            forces *= part.scaling
+        return np.ascontiguousarray(forces.reshape(3, -1).T)

@@ -1,8 +1,8 @@
 """The spline space on a model: numbering of control points, Gauss points."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from math import prod
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -14,8 +14,9 @@ from scipy.sparse.csgraph import connected_components
 from geom2iga.bspline import Array, Indices, breaks, find_spans, greville
 from geom2iga.errors import GeometryError
 from geom2iga.model import Model, oriented
-from geom2iga.patch import CHUNK, Face, Patch, basis, chunks, evaluate, face_indices
+from geom2iga.patch import Face, Patch, basis, evaluate, face_indices
 
+EQUAL = 1e-14  # weights that differ less, relative, are the same
 FLAT = 1e-9  # how far from plane, straight or affine, in sizes of the patch
 BALANCED = 1e-12  # largest error of the forces of a uniform stress, in units of the forces on a span
 MORE_POINTS = 12  # Gauss points beyond degree + 1 per direction, at most
@@ -111,10 +112,11 @@ def check_right_handed(model: Model) -> None:
 
 
 def is_rational(patch: Patch) -> bool:
-    """Whether weights differ; if not, they do not matter."""
-    return bool(np.ptp(patch.weights) > 0)
+    """Whether weights differ, by more than rounding; if not, they do not matter."""
+    return bool(np.ptp(patch.weights) > EQUAL * patch.weights.max())
 
 
+@lru_cache(256)
 def is_affine(patch: Patch) -> bool:
     """Say whether position is an affine function of the parameters."""
     if np.ptp(patch.weights) > FLAT * patch.weights.max():
@@ -240,48 +242,3 @@ def _spread(values: Any, d: int, shapes: Sequence[tuple[int, ...]]) -> Any:
     shape[d], shape[len(shapes) + d] = values.shape
     full = [s for s, _ in shapes] + [n for _, n in shapes]
     return np.broadcast_to(values.reshape(shape), full).ravel()
-
-
-class Quadrature(NamedTuple):
-    """Basis functions of a volume at its Gauss points, for a run of whole spans."""
-
-    indices: Indices  # (e, a) flat control-point numbers of the patch
-    values: Array  # (e, q, a)
-    gradients: Array  # (e, q, a, 3) with respect to position [1/length]
-    volume: Array  # (e, q) [length^3]
-
-
-def volume_quadrature(patch: Patch, counts: Sequence[int] | None = None) -> Iterator[Quadrature]:
-    """Yield the quadrature tables of a volume, as many spans at a time as fit a bounded memory.
-
-    Parameters
-    ----------
-    counts : (3,)
-        Gauss points per span and direction; left out, `point_counts`.
-
-    Raises
-    ------
-    GeometryError
-        The Jacobian is not positive at a Gauss point.
-    """
-    points = gauss_points(patch, point_counts(patch) if counts is None else counts)
-    per_span, width = points.per_span, prod(p + 1 for p in patch.degrees)
-    run = per_span * max(1, CHUNK // (9 * width * max(per_span, width)))
-    for part in chunks(len(points.xi), run):
-        functions = basis(patch, points.xi[part], 1, points.spans[part])
-        local = patch.control_points.reshape(-1, 3)[functions.indices]
-        jacobian = np.einsum("qak,qad->qkd", local, functions.gradients, optimize=True)
-        determinant = np.linalg.det(jacobian)
-        if determinant.min() <= 0:
-            worst = np.argmin(determinant)
-            at = ", ".join(f"{x:.3g}" for x in points.xi[part][worst])
-            raise GeometryError(
-                f'patch "{patch.name}": Jacobian {determinant[worst]:.3g} at xi = ({at}): the patch is folded there'
-            )
-        gradients = functions.gradients @ np.linalg.inv(jacobian)
-        yield Quadrature(
-            functions.indices[::per_span],
-            functions.values.reshape(-1, per_span, width),
-            gradients.reshape(-1, per_span, width, 3),
-            (determinant * points.weights[part]).reshape(-1, per_span),
-        )

@@ -11,9 +11,11 @@ import numpy as np
 
 from geom2iga.bspline import Array
 from geom2iga.patch import CHUNK, Patch, chunks
+from geom2iga.threads import thread_count
 from solve.bricks import Brick
 from solve.metric import metric_of
 from solve.products import Direction, Tile
+from solve.space import is_rational
 
 
 class Part(NamedTuple):
@@ -45,7 +47,7 @@ class GradientProducts:
     @property
     def rational(self) -> bool:
         """Whether the weights differ."""
-        return bool(np.ptp(self.patch.weights) > 0)
+        return is_rational(self.patch)
 
     @cached_property
     def kinds(self) -> tuple[int, ...]:
@@ -69,7 +71,7 @@ class GradientProducts:
         first, second, third = self.directions
         kept = 9 * len(self.places) * prod(first.slots) * max(len(tile.piece.points) for tile in second.tiles)
         kept *= max(len(tile.piece.points) for tile in third.tiles)
-        runs = chunks(len(third.tiles), max(1, CHUNK // kept))
+        runs = chunks(len(third.tiles), max(1, CHUNK // (kept * thread_count())))
         longer = [third.tile(third.tiles[run][0].rows[0], third.tiles[run][-1].rows[-1] + 1) for run in runs]
         return list(product(second.tiles, longer))
 

@@ -118,7 +118,7 @@ def reduced_system(
         restricted = aslinearoperator(matrix.T) @ stiffness @ aslinearoperator(matrix)
     return System(
         restricted,
-        matrix.T @ (load - stiffness @ allowed.offset),
+        matrix.T @ (load - stiffness @ allowed.offset if allowed.offset.any() else load),
         csr_array(mortar.gap_operator @ matrix),
         mortar.initial_gap + mortar.gap_operator @ allowed.offset,
         mortar.area,

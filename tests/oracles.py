@@ -1,15 +1,17 @@
 """Laws that many tests assert."""
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from math import prod
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from geom2iga.bspline import Array
+from geom2iga.bspline import Array, Indices
+from geom2iga.errors import GeometryError
 from geom2iga.model import Model
-from geom2iga.patch import Patch, evaluate
+from geom2iga.patch import CHUNK, Patch, basis, chunks, evaluate
 from solve.material import Material
-from solve.space import Space, volume_quadrature
+from solve.space import Space, gauss_points, point_counts
 from tests.cases import sample_points
 
 
@@ -97,3 +99,48 @@ def stiffness_by_spans(space: Space, materials: Mapping[str, Material]) -> Array
             numbers = space.numbers[name][part.indices]
             np.add.at(stiffness, (numbers[:, :, None], slice(None), numbers[:, None]), local.swapaxes(2, 3))
     return stiffness.reshape(space.dofs, space.dofs)
+
+
+class Quadrature(NamedTuple):
+    """Basis functions of a volume at its Gauss points, for a run of whole spans."""
+
+    indices: Indices  # (e, a) flat control-point numbers of the patch
+    values: Array  # (e, q, a)
+    gradients: Array  # (e, q, a, 3) with respect to position [1/length]
+    volume: Array  # (e, q) [length^3]
+
+
+def volume_quadrature(patch: Patch, counts: Sequence[int] | None = None) -> Iterator[Quadrature]:
+    """Yield the quadrature tables of a volume, as many spans at a time as fit a bounded memory.
+
+    Parameters
+    ----------
+    counts : (3,)
+        Gauss points per span and direction; left out, `point_counts`.
+
+    Raises
+    ------
+    GeometryError
+        The Jacobian is not positive at a Gauss point.
+    """
+    points = gauss_points(patch, point_counts(patch) if counts is None else counts)
+    per_span, width = points.per_span, prod(p + 1 for p in patch.degrees)
+    run = per_span * max(1, CHUNK // (9 * width * max(per_span, width)))
+    for part in chunks(len(points.xi), run):
+        functions = basis(patch, points.xi[part], 1, points.spans[part])
+        local = patch.control_points.reshape(-1, 3)[functions.indices]
+        jacobian = np.einsum("qak,qad->qkd", local, functions.gradients, optimize=True)
+        determinant = np.linalg.det(jacobian)
+        if determinant.min() <= 0:
+            worst = np.argmin(determinant)
+            at = ", ".join(f"{x:.3g}" for x in points.xi[part][worst])
+            raise GeometryError(
+                f'patch "{patch.name}": Jacobian {determinant[worst]:.3g} at xi = ({at}): the patch is folded there'
+            )
+        gradients = functions.gradients @ np.linalg.inv(jacobian)
+        yield Quadrature(
+            functions.indices[::per_span],
+            functions.values.reshape(-1, per_span, width),
+            gradients.reshape(-1, per_span, width, 3),
+            (determinant * points.weights[part]).reshape(-1, per_span),
+        )

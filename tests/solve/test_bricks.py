@@ -4,7 +4,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from geom2iga.patch import Patch, basis
-from solve import bricks
 from solve.bricks import find_bricks
 from solve.rules import gauss_rule, smooth_rule
 from tests.strategies import SEEDS, patches
@@ -19,9 +18,7 @@ RULES = {
 
 
 def cut(patch, size=512, rules="Gauss", precision=float):
-    with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(bricks, "SPANS", size)
-        return list(find_bricks(patch, RULES[rules](patch), precision))
+    return list(find_bricks(patch, RULES[rules](patch), precision, size))
 
 
 def points_of(brick):

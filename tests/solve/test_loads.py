@@ -12,9 +12,9 @@ from solve.contact.cells import find_cells
 from solve.contact.mortar import assemble_mortar
 from solve.face import area_vectors, surface_of
 from solve.loads import assemble_loads
-from solve.space import gauss_points, number_control_points, volume_quadrature
+from solve.space import gauss_points, number_control_points
 from tests.cases import AXES, block_patch, hollow_cylinder, model_of, moved, outline, turned
-from tests.oracles import assert_balanced
+from tests.oracles import assert_balanced, volume_quadrature
 from tests.strategies import bent_patches, rotations, stacked_blocks
 from tests.verification.glued_bodies import glued_model, wall
 

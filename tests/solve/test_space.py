@@ -10,9 +10,9 @@ from geom2iga.model import Model
 from geom2iga.patch import Face, basis, evaluate, refined, reversed_along
 from solve import space
 from solve.face import area_vectors, surface_of
-from solve.space import gauss_points, is_affine, number_control_points, point_counts, volume_quadrature
+from solve.space import gauss_points, is_affine, number_control_points, point_counts
 from tests.cases import bent_patch, block_patch, hollow_cylinder, model_of
-from tests.oracles import assert_order
+from tests.oracles import assert_order, volume_quadrature
 from tests.strategies import SEEDS, bent_patches, graded_surfaces, rotations
 from tests.verification.glued_bodies import RIGHT_HANDED, glued_model, halves, star, turned_round, wall
 
@@ -113,26 +113,6 @@ def uniform_forces(patch, counts):
     for part in volume_quadrature(patch, counts):
         np.add.at(forces, part.indices, np.einsum("eqak,eq->eak", part.gradients, part.volume))
     return forces
-
-
-@given(bent_patches())
-def test_gradients_reproduce_position_and_those_of_all_functions_cancel(patch):
-    points = patch.control_points.reshape(-1, 3)
-    for part in volume_quadrature(patch):
-        gradient = np.einsum("eak,eqai->eqki", points[part.indices], part.gradients)
-        np.testing.assert_allclose(gradient, np.broadcast_to(np.eye(3), gradient.shape), rtol=0, atol=1e-12)
-        assert np.abs(part.gradients.sum(axis=2)).max() < 1e-12
-        assert np.abs(part.values.sum(axis=2) - 1).max() < 1e-14
-
-
-def test_spans_taken_in_runs_give_the_same_as_all_at_once(monkeypatch):
-    patch = bent_patch(3, degrees=(1, 2, 1), spans=(2, 2, 3))
-    (whole,) = volume_quadrature(patch)
-    monkeypatch.setattr(space, "CHUNK", 1)
-    parts = list(volume_quadrature(patch))
-    assert len(parts) == 12
-    for field in whole._fields:
-        np.testing.assert_array_equal(np.concatenate([getattr(part, field) for part in parts]), getattr(whole, field))
 
 
 def test_a_folded_patch_is_refused_with_the_place_of_the_fold():
