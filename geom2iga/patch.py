@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import combinations_with_replacement
 from math import prod
 from typing import NamedTuple
@@ -14,6 +15,8 @@ from geom2iga import bspline
 from geom2iga.bspline import Array, Indices
 
 CHUNK = 4_000_000  # numbers in the largest temporary array of an evaluation
+FLAT = 1e-9  # how far from plane, straight or affine, in sizes of the patch
+EQUAL = 1e-14  # weights that differ less, relative, are the same
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +109,27 @@ class Patch:
     def homogeneous(self) -> Array:
         """Control points (n_1, ..., n_d, 4) as (w x, w y, w z, w)."""
         return np.concatenate([self.control_points * self.weights[..., None], self.weights[..., None]], axis=-1)
+
+    @property
+    def is_rational(self) -> bool:
+        """Whether weights differ, by more than rounding; if not, they do not matter."""
+        return bool(np.ptp(self.weights) > EQUAL * self.weights.max())
+
+    @cached_property
+    def is_affine(self) -> bool:
+        """Whether position is an affine function of the parameters."""
+        if np.ptp(self.weights) > FLAT * self.weights.max():
+            return False
+        points = self.control_points
+        corner = points[(0,) * self.directions]
+        misfit = points - corner
+        for d, (knots, degree) in enumerate(zip(self.knots, self.degrees, strict=True)):
+            places = bspline.greville(knots, degree)
+            share = (places - places[0]) / (places[-1] - places[0])
+            edge = points[tuple(-1 if axis == d else 0 for axis in range(self.directions))] - corner
+            others = tuple(axis for axis in range(self.directions) if axis != d)
+            misfit = misfit - np.expand_dims(np.multiply.outer(share, edge), others)
+        return bool(np.abs(misfit).max() <= FLAT * np.ptp(points.reshape(-1, 3), axis=0).max())
 
     def __repr__(self) -> str:
         spans = " x ".join(str(len(b) - 1) for b in self.breaks)

@@ -13,6 +13,7 @@ from solve.bricks import Brick
 from solve.contact.cells import nearest_feet
 from solve.face import area_vectors, surface_of
 from solve.material import von_mises
+from solve.metric import cofactors_of
 from solve.result import ContactResult, Result
 
 
@@ -135,7 +136,7 @@ def _sample_slabs(result: Result, name: str, grid: Grid) -> Iterator[BodySamples
     patch, material = result.model.patches[name], result.materials[result.model.body_of(name)]
     displacement = result.displacement_of(name).reshape(patch.control_points.shape)
     both = np.moveaxis(np.concatenate([patch.control_points, displacement], axis=-1), -1, 0)
-    if np.ptp(patch.weights) > 0:
+    if patch.is_rational:
         both = np.concatenate([both * patch.weights, patch.weights[None]])
     for slab in find_slabs(patch, grid):
         points, moved, stress = (np.empty((*slab.shape, width)) for width in (3, 3, 6))
@@ -154,9 +155,7 @@ def _evaluate_brick(brick: Brick, coefficients: Array) -> tuple[Array, Array]:
         weight = sampled[6]
         sampled = sampled[:6] / weight[3]
         sampled[:, :3] -= sampled[:, 3:] * (weight[:3] / weight[3])
-    tangents = sampled[:3, :3]
-    cofactors = np.stack([np.cross(tangents[:, d - 2], tangents[:, d - 1], axis=0) for d in range(3)])
-    determinant = np.einsum("jq,jq->q", tangents[:, 0], cofactors[0])
+    cofactors, determinant = cofactors_of(sampled[:3, :3])
     cofactors /= np.where(determinant == 0, np.nan, determinant)
     return sampled[:, 3], np.einsum("iaq,ajq->ijq", sampled[3:, :3], cofactors).transpose(2, 0, 1)
 

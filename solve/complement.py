@@ -67,7 +67,7 @@ class Iterations:
     def __init__(self, inverse: Inverse, operator: csr_array, compliance: Array, area: Array, points: Indices) -> None:
         self._inverse, self._operator, self._transposed = inverse, operator, csr_array(operator.T)
         self._compliance, softness = compliance.astype(np.float32), compliance / area
-        faces = list(inverse.face_modes())
+        faces = inverse.faces
         mobility = np.mean([modes.mobility.mean() for _, _, modes in faces])
         diagonal, covered = self._compliance + 2 * mobility * area, np.zeros(len(points), dtype=bool)
         self._faces = []

@@ -11,8 +11,8 @@ from scipy.sparse import csr_array
 from geom2iga.bspline import Array, Indices
 from geom2iga.errors import CaseError
 from geom2iga.model import Model
-from geom2iga.patch import CHUNK, Face, Patch, basis, chunks, evaluate
-from solve.space import FLAT, Space, is_affine
+from geom2iga.patch import CHUNK, FLAT, Face, Patch, basis, chunks, evaluate
+from solve.space import Space
 
 
 class CurvedError(CaseError):
@@ -38,7 +38,7 @@ class Surface:
     @cached_property
     def is_affine(self) -> bool:
         """Whether position is an affine function of the parameters."""
-        return is_affine(self.patch)
+        return self.patch.is_affine
 
     @cached_property
     def cone(self) -> Cone:

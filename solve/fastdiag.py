@@ -18,7 +18,6 @@ from geom2iga.patch import Face, Patch, evaluate
 from solve.bricks import Floats, line
 from solve.material import Material
 from solve.rules import gauss_rule
-from solve.space import is_affine
 
 SAMPLED = 12  # places per direction where the map is looked at
 LEAST = 1e-6  # coefficients below this fraction of their mean are those of degenerate places
@@ -100,17 +99,6 @@ def _transformed(grid: Floats, matrices: Sequence[Floats], sequence: Sequence[in
     return grid
 
 
-def diagonalise(patch: Patch, material: Material, fixed: Mask) -> tuple[Diagonal, ...]:
-    """Diagonalise the three components of a patch.
-
-    Parameters
-    ----------
-    fixed : (3, 3, 2) bool
-        Whether a component is fixed on the faces at the two ends of each direction.
-    """
-    return tuple(diagonal_of(lines, ends) for lines, ends in zip(straightened(patch, material), fixed, strict=True))
-
-
 class Line(NamedTuple):
     """Matrices of one direction."""
 
@@ -120,7 +108,7 @@ class Line(NamedTuple):
 
 def straightened(patch: Patch, material: Material) -> list[list[Line]]:
     """Matrices of each component and direction; products of functions of one direction replace the coefficients."""
-    count = 1 if is_affine(patch) else SAMPLED
+    count = 1 if patch.is_affine else SAMPLED
     at = [np.linspace(b[0], b[-1], 2 * count + 1)[1::2] for b in patch.breaks]
     return [_lines(patch, at, logs) for logs in np.log(_coefficients(patch, material, at))]
 
@@ -192,7 +180,7 @@ def local_frames(patch: Patch) -> Array:
 
     Column i points along parametric direction i.
     """
-    if is_affine(patch):
+    if patch.is_affine:
         at = [breaks[:1] for breaks in patch.breaks]
     else:
         at = [greville(*along) for along in zip(patch.knots, patch.degrees, strict=True)]

@@ -93,6 +93,11 @@ class Inverse:
         Projection on the displacements that the supports allow, control point by control point.
     touching : faces
         That take part in contacts.
+
+    Attributes
+    ----------
+    faces : tuple
+        Control points (n_f,) of each touching face, global numbers, the share of its patch in them, and its modes.
     """
 
     def __init__(
@@ -106,7 +111,7 @@ class Inverse:
             for name in space.model.patches
         ]
         self._terms: list[Term] = [PatchInverses([part.inside for part in parts], space.size)]
-        self._faces = [modes for part in parts for modes in part.faces]
+        self.faces = tuple(modes for part in parts for modes in part.faces)
         if glued.any():
             across = PatchInverses([part.across for part in parts if part.across], space.size)
             extension = Extension([part.extension for part in parts if part.extension], glued)
@@ -132,10 +137,6 @@ class Inverse:
     def traced(self, modes: Modes) -> Floats:
         """Displacements (dofs,) of the touching faces, zero elsewhere, from modes."""
         return np.sum([term.traced(own) for term, own in self._each(modes)], axis=0).ravel()
-
-    def face_modes(self) -> Iterator[tuple[Indices, Floats, FaceModes]]:
-        """Yield control points (n_f,) of each touching face, global numbers, its share in them, and its modes."""
-        yield from self._faces
 
     def between(self, operator: csr_array) -> Array:
         """G B G' (m, m) for a gap operator (m, dofs) on the touching faces."""
@@ -180,13 +181,13 @@ def _part(
         )
         return PatchInverse(patch.shape, numbers, spread, own, frames, components, touching)
 
-    whole = inverse(fixed, share * glued[numbers], geometric_mean)
+    inside = inverse(fixed | held, np.ones(len(numbers)))
+    whole = inverse(fixed, share * glued[numbers], geometric_mean) if held.any() else inside
     faces = [
         (numbers[p.within.ravel()], (share[p.within] * p.own).ravel().astype(np.float32), modes)
         for p in touching
-        for modes in [whole.rounded(np.float32).components[p.face.axis].face_modes(p.face)]
+        for modes in [whole.components[p.face.axis].rounded(np.float32).face_modes(p.face)]
     ]
-    inside = inverse(fixed | held, np.ones(len(numbers)))
     if not held.any():
         return _Part(inside, None, None, faces)
     return _Part(inside, whole, extend(space, name, frames, lines, fixed | held | touched), faces)

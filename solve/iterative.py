@@ -94,7 +94,7 @@ class Iterated:
         self._freedom, self._operator = freedom.astype(np.float32), operator.astype(np.float32)
         self.factorisations = self.iterations = 0
         self._key: bytes | None = None
-        self._complement: Complement
+        self._last: Saddle
 
     def solved(self, active: Mask, right: Array, tolerance: float) -> Array:
         """Solve with springs."""
@@ -111,13 +111,8 @@ class Iterated:
             inner = system.stiffness @ free
             force = system.load - inner + operator.T @ pressure[rows]
             gap = -(operator @ free + system.initial_gap[rows] + compliance * pressure[rows])
-            before, best = (
-                best,
-                max(
-                    _relative(force, system.load, inner),
-                    _relative(gap, system.initial_gap[rows], abs(operator) @ np.abs(free)),
-                ),
-            )
+            opened = _relative(gap, system.initial_gap[rows], abs(operator) @ np.abs(free))
+            before, best = best, max(opened, _relative(force, system.load, inner))
             if best <= EXACT or best > before / 2:
                 break
             moved, pushed = self._corrected(rows, compliance, force, gap, CORRECTED)
@@ -138,17 +133,22 @@ class Iterated:
 
     def _saddle(self, rows: Indices, compliance: Array) -> Saddle:
         """Make ready for some active gaps, unless they are those of the last solution."""
-        key, operator = rows.tobytes() + compliance.tobytes(), csr_array(self._operator[rows])
+        key = rows.tobytes() + compliance.tobytes()
         if key != self._key:
-            if self._dense is None:
-                points = self._points[rows]
-                self._complement = Iterations(self._inverse, operator, compliance, self._area[rows], points)
-            else:
-                complement = self._dense[np.ix_(rows, rows)]
-                complement.flat[:: len(rows) + 1] += compliance
-                self._complement, self.factorisations = Factors(complement), self.factorisations + 1
+            operator = csr_array(self._operator[rows])
+            complement = self._complement(operator, rows, compliance)
+            self._last = Saddle(self._stiffness, self._inverse, self._freedom, operator, complement)
             self._key = key
-        return Saddle(self._stiffness, self._inverse, self._freedom, operator, self._complement)
+        return self._last
+
+    def _complement(self, operator: csr_array, rows: Indices, compliance: Array) -> Complement:
+        """Factorise C + G B G' of active gaps, or make ready to iterate where they may be too many."""
+        if self._dense is None:
+            return Iterations(self._inverse, operator, compliance, self._area[rows], self._points[rows])
+        complement = self._dense[np.ix_(rows, rows)]
+        complement.flat[:: len(rows) + 1] += compliance
+        self.factorisations += 1
+        return Factors(complement)
 
 
 def _relative(rest: Array, *parts: Array) -> float:

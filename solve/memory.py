@@ -10,7 +10,7 @@ from solve.complement import DENSE
 from solve.linear import DirectSolver
 from solve.problem import Problem
 from solve.rules import Rules, exact_rules, smooth_rules
-from solve.space import Space, is_affine
+from solve.space import Space, is_straight
 
 FEW = 5_000  # unknowns up to which factors are faster
 FEW_PER_PATCH = 500  # unknowns of a patch below which its part of an iteration costs more than it is worth
@@ -57,7 +57,7 @@ def check_memory(problem: Problem, solver: DirectSolver | None) -> None:
 def map_numbers(space: Space, rules: Mapping[str, Rules]) -> int:
     """How many numbers describe the maps of all patches at quadrature points."""
     return sum(
-        (1 if is_affine(patch) else 12) * prod(len(rule.points) for rule in rules[name])
+        (1 if is_straight(patch) else 12) * prod(len(rule.points) for rule in rules[name])
         for name, patch in space.model.patches.items()
     )
 

@@ -6,10 +6,10 @@ import numpy as np
 
 from geom2iga.bspline import Array
 from geom2iga.errors import GeometryError
-from geom2iga.patch import Patch, evaluate
+from geom2iga.patch import Patch
 from solve.bricks import Brick, Floats, find_bricks, line
 from solve.rules import Rules
-from solve.space import is_affine, is_rational
+from solve.space import is_straight, middle_jacobian
 
 
 class Metric(NamedTuple):
@@ -35,7 +35,7 @@ class Map(NamedTuple):
 
 def scaling(patch: Patch) -> Array:
     """What turns coefficients of NURBS into those of B-splines over W: weights, where these differ; (n_1, n_2, n_3)."""
-    return patch.weights if is_rational(patch) else np.ones(patch.shape)
+    return patch.weights if patch.is_rational else np.ones(patch.shape)
 
 
 def map_of(brick: Brick, patch: Patch) -> Map:
@@ -47,17 +47,14 @@ def map_of(brick: Brick, patch: Patch) -> Map:
         The Jacobian is not positive at a point.
     """
     box, weight, slopes = brick.functions, np.ones(1), None
-    if is_rational(patch):
+    if patch.is_rational:
         sampled = brick.gradients(np.moveaxis(patch.homogeneous, -1, 0)[:, *box], values=True)
         weight = sampled[3, 3]
         slopes = sampled[3, :3] / weight
         tangents = (sampled[:3, :3] - sampled[:3, 3:] * slopes) / weight
     else:
         tangents = brick.gradients(np.moveaxis(patch.control_points, -1, 0)[:, *box])
-    cofactors = np.empty_like(tangents)
-    for d in range(3):
-        cofactors[d] = _crossed(tangents[:, d - 2], tangents[:, d - 1])
-    determinant = np.einsum("jq,jq->q", tangents[:, 0], cofactors[0])
+    cofactors, determinant = cofactors_of(tangents)
     if determinant.min() <= 0:
         worst = int(np.argmin(determinant))
         at = ", ".join(f"{x:.3g}" for x in brick.point(worst))
@@ -77,15 +74,22 @@ def metric_of(brick: Brick, patch: Patch, scale: float) -> Metric:
 def shares_of(patch: Patch, rules: Rules) -> Array:
     """Integrate each basis function over a volume: ∫ R_a dV, (n_1, n_2, n_3) [length³]."""
     shares = np.zeros(patch.shape)
-    if is_affine(patch) and not is_rational(patch):
-        middle = np.array([[at.mean() for at in patch.breaks]])
+    if is_straight(patch):
         each = (line(*along) for along in zip(patch.knots, patch.degrees, rules, strict=True))
         first, second, third = (piece.weights @ piece.values for piece in each)
-        return np.linalg.det(evaluate(patch, middle, 1)[1][0]) * first[:, None, None] * second[:, None] * third
+        return np.linalg.det(middle_jacobian(patch)) * first[:, None, None] * second[:, None] * third
     for brick in find_bricks(patch, rules):
         _, determinant, weight, _ = map_of(brick, patch)
         shares[brick.functions] += brick.moments(determinant * brick.weights / weight)
     return shares * scaling(patch)
+
+
+def cofactors_of(tangents: Floats) -> tuple[Floats, Floats]:
+    """From dx_j/dxi_α (3, 3, q) to det J dxi_α/dx_j (3, 3, q) and det J (q,)."""
+    cofactors = np.empty_like(tangents)
+    for d in range(3):
+        cofactors[d] = _crossed(tangents[:, d - 2], tangents[:, d - 1])
+    return cofactors, np.einsum("jq,jq->q", tangents[:, 0], cofactors[0])
 
 
 def _crossed(one: Floats, other: Floats) -> Floats:

@@ -12,13 +12,13 @@ from scipy.sparse import csr_array
 from scipy.sparse.linalg import LinearOperator
 
 from geom2iga.bspline import Array, Indices
-from geom2iga.patch import Patch, evaluate
+from geom2iga.patch import Patch
 from geom2iga.threads import thread_count
 from solve.bricks import SPANS, THREADED, Brick, Empty, Floats, Scratch, find_bricks
 from solve.material import Material
 from solve.metric import Metric, metric_of, scaling
 from solve.rules import Rules
-from solve.space import Space, is_affine, is_rational
+from solve.space import Space, is_straight, middle_jacobian
 
 SCRATCH = Scratch()
 
@@ -75,7 +75,7 @@ class Straight(NamedTuple):
 
 def straight(patch: Patch, material: Material) -> Array:
     """The elasticity tensor (9, 9) of an affine map in the parameters: λ A_αi A_βj + µ A_αj A_βi + µ δ_ij A_αk A_βk."""
-    jacobian = evaluate(patch, np.array([[at.mean() for at in patch.breaks]]), 1)[1][0]
+    jacobian = middle_jacobian(patch)
     inverse, (lame, shear) = np.linalg.inv(jacobian), material.lame
     tensor = lame * np.einsum("ai,bj->iajb", inverse, inverse) + shear * np.einsum("aj,bi->iajb", inverse, inverse)
     tensor += shear * np.einsum("ij,ak,bk->iajb", np.eye(3), inverse, inverse)
@@ -139,10 +139,11 @@ class Stiffness(LinearOperator):
         """Cut a patch into bricks."""
         patch, numbers = space.model.patches[name], space.numbers[name]
         spread = space.spread(name).astype(self.dtype)
-        factors = scaling(patch).astype(self.dtype) if is_rational(patch) else None
+        factors = scaling(patch).astype(self.dtype) if patch.is_rational else None
         spans = SPANS * THREADED if self._threads > 1 else SPANS
-        exact, bricks = (tuple(find_bricks(patch, rules, precision, spans)) for precision in (float, self.dtype))
-        tensor = None if is_rational(patch) or not is_affine(patch) else straight(patch, material)
+        exact = tuple(find_bricks(patch, rules, float, spans))
+        bricks = exact if self.dtype == float else tuple(find_bricks(patch, rules, self.dtype, spans))
+        tensor = straight(patch, material) if is_straight(patch) else None
 
         def metric(number: int) -> Curved | Straight:
             brick = exact[number]

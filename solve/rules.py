@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from geom2iga.bspline import Array, Indices, breaks
-from solve.space import Space, is_affine, is_rational
+from solve.space import Space, is_straight
 
 EXACT = 4  # degree up to which the points for smooth splines integrate affine maps exactly
 
@@ -92,9 +92,7 @@ def exact_rules(space: Space) -> dict[str, Rules]:
     """As accurate as `full_rules`, with fewer points where the map is affine."""
     full, smooth = full_rules(space), smooth_rules(space)
     return {
-        name: smooth[name]
-        if max(patch.degrees) <= EXACT and is_affine(patch) and not is_rational(patch)
-        else full[name]
+        name: smooth[name] if max(patch.degrees) <= EXACT and is_straight(patch) else full[name]
         for name, patch in space.model.patches.items()
     }
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from math import prod
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -11,13 +11,11 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components
 
-from geom2iga.bspline import Array, Indices, breaks, find_spans, greville
+from geom2iga.bspline import Array, Indices, breaks, find_spans
 from geom2iga.errors import GeometryError
 from geom2iga.model import Model, oriented
 from geom2iga.patch import Face, Patch, basis, evaluate, face_indices
 
-EQUAL = 1e-14  # weights that differ less, relative, are the same
-FLAT = 1e-9  # how far from plane, straight or affine, in sizes of the patch
 BALANCED = 1e-12  # largest error of the forces of a uniform stress, in units of the forces on a span
 MORE_POINTS = 12  # Gauss points beyond degree + 1 per direction, at most
 SAMPLED = 3  # spans per direction whose integrands are looked at; lines across each other direction
@@ -106,30 +104,18 @@ def united(pairs: Indices, size: int) -> tuple[Indices, int]:
 def check_right_handed(model: Model) -> None:
     """Raise GeometryError where the directions of a patch form a left-handed system: its normals would point inward."""
     for name, patch in model.patches.items():
-        middle = np.array([[at.mean() for at in patch.breaks]])
-        if np.linalg.det(evaluate(patch, middle, 1)[1][0]) <= 0:
+        if np.linalg.det(middle_jacobian(patch)) <= 0:
             raise GeometryError(f'patch "{name}" is left-handed: reverse one direction (geom2iga.reversed_along)')
 
 
-def is_rational(patch: Patch) -> bool:
-    """Whether weights differ, by more than rounding; if not, they do not matter."""
-    return bool(np.ptp(patch.weights) > EQUAL * patch.weights.max())
+def is_straight(patch: Patch) -> bool:
+    """Whether the map is affine and the basis functions are polynomials on each span."""
+    return patch.is_affine and not patch.is_rational
 
 
-@lru_cache(256)
-def is_affine(patch: Patch) -> bool:
-    """Say whether position is an affine function of the parameters."""
-    if np.ptp(patch.weights) > FLAT * patch.weights.max():
-        return False
-    points = patch.control_points
-    corner = points[(0,) * patch.directions]
-    misfit = points - corner
-    for d, (knots, degree) in enumerate(zip(patch.knots, patch.degrees, strict=True)):
-        places = greville(knots, degree)
-        share = (places - places[0]) / (places[-1] - places[0])
-        edge = points[tuple(-1 if axis == d else 0 for axis in range(patch.directions))] - corner
-        misfit = misfit - np.expand_dims(np.multiply.outer(share, edge), _others(patch, d))
-    return bool(np.abs(misfit).max() <= FLAT * np.ptp(points.reshape(-1, 3), axis=0).max())
+def middle_jacobian(patch: Patch) -> Array:
+    """Jacobian (3, 3) of a volume in the middle of its parameters; of an affine map, everywhere."""
+    return evaluate(patch, np.array([[at.mean() for at in patch.breaks]]), 1)[1][0]
 
 
 def point_counts(patch: Patch) -> tuple[int, ...]:
@@ -153,7 +139,7 @@ def point_counts(patch: Patch) -> tuple[int, ...]:
         Points per span and direction; a face takes those of its own two directions.
     """
     exact = all(3 * degree - 1 <= 2 * degree + 1 for degree in patch.degrees) and np.ptp(patch.weights) == 0
-    if exact or is_affine(patch):
+    if exact or patch.is_affine:
         return tuple(degree + 1 for degree in patch.degrees)
     return tuple(_count_along(patch, d) for d in range(patch.directions))
 
@@ -197,11 +183,6 @@ def _sampled_lines(patch: Patch, direction: int, nodes: Array) -> tuple[Array, I
     shapes = [xi.shape for xi, _ in axes]
     xi, first = (np.stack([_spread(axis[k], d, shapes) for d, axis in enumerate(axes)], axis=1) for k in range(2))
     return xi, first, (shapes[direction][0], *(count for _, count in shapes))
-
-
-def _others(patch: Patch, direction: int) -> tuple[int, ...]:
-    """All directions but one."""
-    return tuple(d for d in range(patch.directions) if d != direction)
 
 
 class Points(NamedTuple):

@@ -15,7 +15,6 @@ from geom2iga.threads import thread_count
 from solve.bricks import Brick
 from solve.metric import metric_of
 from solve.products import Direction, Tile
-from solve.space import is_rational
 
 
 class Part(NamedTuple):
@@ -47,7 +46,7 @@ class GradientProducts:
     @property
     def rational(self) -> bool:
         """Whether the weights differ."""
-        return is_rational(self.patch)
+        return self.patch.is_rational
 
     @cached_property
     def kinds(self) -> tuple[int, ...]:

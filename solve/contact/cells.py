@@ -8,14 +8,14 @@ import numpy as np
 from geom2iga.bspline import Array, Indices, Mask, find_spans, sharp_breaks
 from geom2iga.errors import CaseError
 from geom2iga.model import Model
-from geom2iga.patch import Face, Patch
+from geom2iga.patch import FLAT, Face, Patch
 from geom2iga.projection import closest_points
 from solve.case import Contact
 from solve.contact.charts import FACING, frame_at
 from solve.contact.search import may_lie_opposite
 from solve.contact.segments import enough_points, find_segments, integration_points
 from solve.face import Surface, area_vectors, surface_of
-from solve.space import FLAT, gauss_points
+from solve.space import gauss_points
 
 TOUCHING = 1e-14  # gaps below this fraction of the largest coordinate are rounding errors
 

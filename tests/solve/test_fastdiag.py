@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from geom2iga.patch import Face, elevated, face_indices, refined
 from solve.elasticity import assemble_stiffness
-from solve.fastdiag import diagonalise, local_frames, rotations
+from solve.fastdiag import diagonal_of, local_frames, rotations, straightened
 from solve.material import Material
 from solve.space import number_control_points
 from tests import strategies
@@ -20,6 +20,11 @@ STEEL = Material(200.0, 0.3)
 FACES = [Face("block", axis, side) for axis in range(3) for side in range(2)]
 FREE, CLAMPED = np.zeros((3, 3, 2), dtype=bool), np.zeros((3, 3, 2), dtype=bool)
 CLAMPED[:, 2, 0] = True
+
+
+def diagonalise(patch, material, fixed):
+    """The three components of a patch, fixed (3, 3, 2) at the two ends of each direction or not."""
+    return tuple(diagonal_of(lines, ends) for lines, ends in zip(straightened(patch, material), fixed, strict=True))
 
 
 def fixations():

@@ -10,7 +10,7 @@ from geom2iga.model import Model
 from geom2iga.patch import Face, basis, evaluate, refined, reversed_along
 from solve import space
 from solve.face import area_vectors, surface_of
-from solve.space import gauss_points, is_affine, number_control_points, point_counts
+from solve.space import gauss_points, number_control_points, point_counts
 from tests.cases import bent_patch, block_patch, hollow_cylinder, model_of
 from tests.oracles import assert_order, volume_quadrature
 from tests.strategies import SEEDS, bent_patches, graded_surfaces, rotations
@@ -66,13 +66,13 @@ def test_an_affine_patch_keeps_degree_plus_one_points(degrees, spans, turn, seed
     patch = refined(patch, knots=[random.random(2) for _ in range(3)])
     sheared = patch.control_points @ (np.eye(3) + random.uniform(-0.3, 0.3, (3, 3)))
     patch = replace(patch, control_points=sheared, weights=np.full(patch.shape, 2.0))
-    assert is_affine(patch)
+    assert patch.is_affine
     assert point_counts(patch) == tuple(degree + 1 for degree in degrees)
 
 
 @given(bent_patches(highest=4, rational=False))
 def test_a_polynomial_patch_takes_no_more_points_than_its_integrands_ask_for(patch):
-    assert not is_affine(patch)
+    assert not patch.is_affine
     for count, degree in zip(point_counts(patch), patch.degrees, strict=True):
         assert degree + 1 <= count <= max(degree + 1, -(-3 * degree // 2))
 
