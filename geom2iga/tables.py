@@ -56,6 +56,11 @@ class Units(Table):
     length: str = Field("", description="unit of length, such as mm")
     force: str = Field("", description="unit of force, such as N")
 
+    @property
+    def stress(self) -> str:
+        """Unit of stress, empty where one of its parts is."""
+        return f"{self.force}/{self.length}²" if self.length and self.force else ""
+
 
 @dataclass(frozen=True)
 class Case:

@@ -1,13 +1,16 @@
 """The [post] table and the [[verify]] entries of the case file."""
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal, Self, get_args
 
 from pydantic import Field, model_validator
 
-from geom2iga.tables import Number, Positive, Table, Units
+from geom2iga.tables import Name, Number, Positive, Table, Units, Vector
 
-Quantity = Literal[
-    "stress",
+Scalar = Literal[
+    "ux",
+    "uy",
+    "uz",
+    "displacement_magnitude",
     "stress_xx",
     "stress_yy",
     "stress_zz",
@@ -15,21 +18,63 @@ Quantity = Literal[
     "stress_yz",
     "stress_xz",
     "von_mises",
-    "displacement",
-    "ux",
-    "uy",
-    "uz",
-    "pressure",
-    "pressure_max",
-    "gap",
-    "penetration",
-    "contact_area",
-    "contact_force",
-    "contact_moment",
+    "principal_1",
+    "principal_2",
+    "principal_3",
+    "hydrostatic_pressure",
 ]
+OfContact = Literal["pressure", "pressure_max", "gap", "penetration", "contact_area", "contact_force", "contact_moment"]
 Samples = Annotated[int, Field(strict=True, ge=2, le=64)]
+Format = Literal["png", "svg", "pdf"]
 COMPONENTS = {"stress": 6, "displacement": 3, "contact_force": 3, "contact_moment": 3}
-ON_CONTACTS = ("pressure", "pressure_max", "gap", "penetration", "contact_area", "contact_force", "contact_moment")
+ON_CONTACTS = get_args(OfContact)
+
+
+class Cut(Table):
+    """A plane that bodies are cut along."""
+
+    origin: Vector = Field(description="a point of it [length]")
+    normal: Vector = Field(description="at right angles to it, of any length; what lies behind is drawn")
+
+    @model_validator(mode="after")
+    def _has_a_direction(self) -> Self:
+        if not any(self.normal):
+            raise ValueError("normal: has no length")
+        return self
+
+
+class Picture(Table):
+    """A picture of a field on the deformed bodies."""
+
+    name: Name = Field(description="of the file, without ending")
+    field: Scalar = Field(description="what colours the bodies")
+    bodies: tuple[str, ...] | None = Field(None, description="which are drawn; left out: all")
+    cut: Cut | None = Field(None, description="plane that shows the inside; left out: outer faces")
+
+
+class PointProbe(Table):
+    """All fields at one point of a body, for each load step."""
+
+    name: Name = Field(description="of point_<name>.csv")
+    at: Vector = Field(description="undeformed place [length]")
+    body: str | None = Field(None, description="that holds the point; left out: the only one that does")
+
+
+class LineProbe(Table):
+    """All fields along a straight line through the bodies."""
+
+    name: Name = Field(description="of line_<name>.csv and line_<name>.png")
+    start: Vector = Field(description="undeformed place of its first point [length]")
+    end: Vector = Field(description="undeformed place of its last point [length]")
+    points: Annotated[int, Field(strict=True, ge=2, le=100_000)] = Field(101, description="at equal distances")
+    body: str | None = Field(None, description="the only one that is looked at; left out: all")
+    field: Scalar = Field("von_mises", description="what its picture shows")
+
+    @model_validator(mode="after")
+    def _has_a_length(self) -> Self:
+        if self.start == self.end:
+            raise ValueError("end: is where the line starts")
+        return self
 
 
 class Post(Table):
@@ -41,13 +86,30 @@ class Post(Table):
         "fewer, at least 2, where that makes more than 4 million",
     )
     pictures: bool = Field(True, strict=True, description="draw the pictures")
+    formats: Annotated[tuple[Format, ...], Field(min_length=1)] = Field(("png",), description="of the pictures")
     deformation: Positive | None = Field(None, description="factor on displacements in pictures; left out: chosen")
+    report: bool = Field(True, strict=True, description="write report.html, which needs no other file and no network")
+    bezier: bool = Field(True, strict=True, description="write bezier.vtu, exact geometry and displacement")
+    gauss_points: bool = Field(False, strict=True, description="write gauss.vtu, stress at the Gauss points")
+    picture: tuple[Picture, ...] = Field((), description="further pictures")
+    point: tuple[PointProbe, ...] = Field((), description="points whose fields are written to files")
+    line: tuple[LineProbe, ...] = Field((), description="lines along which fields are written to files")
+
+    @model_validator(mode="after")
+    def _names_differ(self) -> Self:
+        for key in ("picture", "point", "line"):
+            names = [entry.name for entry in getattr(self, key)]
+            if twice := [name for name in names if names.count(name) > 1]:
+                raise ValueError(f'{key}: two are named "{twice[0]}"')
+        return self
 
 
 class Verify(Table):
     """A known answer that the case must show."""
 
-    quantity: Quantity = Field(description="what is compared, at every sample point")
+    quantity: Literal["stress", "displacement"] | Scalar | OfContact = Field(
+        description="what is compared, at every sample point"
+    )
     value: Number | tuple[Number, ...] = Field(description="the exact value, a list for stress (6) and vectors (3)")
     tolerance: Positive = Field(description="largest difference allowed")
     on: str | None = Field(None, description="a body, a face or a secondary face; left out: everywhere")

@@ -109,8 +109,7 @@ def _draw(samples: Samples, case: PostCase, folder: Path) -> Iterator[str]:
         from post import plots
 
     scene.check_renderer("set pictures = false in [post]")
-    length, force = case.units.length, case.units.force
-    stress = f"{force}/{length}²" if length and force else ""
+    length, force, stress = case.units.length, case.units.force, case.units.stress
     drawn = plots.drawn(samples)
     figures = {
         "displacement.png": lambda: plots.draw_displacement(drawn, length, case.post.deformation),

@@ -12,7 +12,7 @@ from post.grid import Grid, face_grid, find_slabs, sample_grid
 from solve.bricks import Brick
 from solve.contact.cells import nearest_feet
 from solve.face import area_vectors, surface_of
-from solve.material import von_mises
+from solve.material import hydrostatic_pressure, principal_stress, von_mises
 from solve.metric import cofactors_of
 from solve.result import ContactResult, Result
 
@@ -41,6 +41,16 @@ class BodySamples:
     def von_mises(self) -> Array:
         """Von Mises stress (q,)."""
         return von_mises(self.stress)
+
+    @property
+    def principal_stress(self) -> Array:
+        """Principal stresses (q, 3), the largest first."""
+        return principal_stress(self.stress)
+
+    @property
+    def hydrostatic_pressure(self) -> Array:
+        """Hydrostatic pressure (q,), positive in compression."""
+        return hydrostatic_pressure(self.stress)
 
 
 @dataclass(frozen=True, eq=False)

@@ -88,6 +88,5 @@ def compare_with_hertz(
     if picture:
         units = checked(source, PostCase).units
         near = profile.within(1.5 * exact.reach)
-        stress = f"{units.force}/{units.length}²" if units.length and units.force else ""
-        scene.save(draw_profile(*near, exact.pressure, units.length, stress), Path(picture))
+        scene.save(draw_profile(*near, exact.pressure, units.length, units.stress), Path(picture))
     return errors

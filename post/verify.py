@@ -13,8 +13,8 @@ from geom2iga.tables import Source, checked
 from post.case import ON_CONTACTS, PostCase, Verify
 from post.fields import BodySamples, Samples
 from post.grid import choose_samples
+from post.quantities import QUANTITIES
 from solve.case import Contact
-from solve.material import VOIGT
 from solve.result import Result
 
 
@@ -121,12 +121,7 @@ def _worst(entry: Verify, values: Array) -> Worst:
 
 def _quantity(part: BodySamples, quantity: str) -> Array:
     """The values (q,) or (q, k) of a quantity."""
-    if quantity.startswith("stress_"):
-        names = ["".join("xyz"[i] for i in pair) for pair in VOIGT]
-        return part.stress[:, names.index(quantity.removeprefix("stress_"))]
-    if quantity in ("ux", "uy", "uz"):
-        return part.displacement[:, "xyz".index(quantity[1])]
-    return np.asarray(getattr(part, quantity))
+    return QUANTITIES[quantity].values(part) if quantity in QUANTITIES else np.asarray(getattr(part, quantity))
 
 
 def _values(samples: Samples, entry: Verify) -> Iterator[Array]:

@@ -21,7 +21,7 @@ from post.grid import count_points
 Found = TypeVar("Found")
 Put = Callable[[str, int, NDArray[Any]], None]
 
-BODY_FIELDS = {"displacement": 3, "stress": 6, "von_mises": 1}
+BODY_FIELDS = {"displacement": 3, "stress": 6, "von_mises": 1, "principal_stress": 3, "hydrostatic_pressure": 1}
 CONTACT_FIELDS = {"pressure": 1, "gap": 1, "normal": 3, "displacement": 3}
 KINDS = {8: 12, 4: 9}  # VTK's number of a cell of so many corners
 NAMES = {"f": "Float", "i": "Int", "u": "UInt"}  # of numpy's kinds of numbers
@@ -49,7 +49,7 @@ class Column(NamedTuple):
 
 
 def write_bodies(path: Path, samples: Samples, look: Callable[[str, BodySamples], Found]) -> list[Found]:
-    """Write the undeformed bodies: point data displacement, stress (xx yy zz xy yz xz), von_mises; cell data body.
+    """Write the undeformed bodies: the fields as point data, stress as xx yy zz xy yz xz; cell data body.
 
     The number of a body is its place in the case file, from 0.
 

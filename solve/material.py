@@ -45,6 +45,31 @@ def von_mises(stress: Array) -> Array:
     return np.sqrt(normal / 2 + 3 * (xy**2 + yz**2 + xz**2))
 
 
+def principal_stress(stress: Array) -> Array:
+    """Principal stresses (q, 3), the largest first, from stresses (q, 6); not a number where one of these is not.
+
+    >>> principal_stress(np.array([[1.0, 1, 5, 2, 0, 0]])).round(12).tolist()
+    [[5.0, 3.0, -1.0]]
+    """
+    full = np.empty((len(stress), 3, 3))
+    for number, (i, j) in enumerate(VOIGT):
+        full[:, i, j] = full[:, j, i] = stress[:, number]
+    missing = np.isnan(stress).any(axis=1)
+    full[missing] = 0.0
+    principal = np.asarray(np.linalg.eigvalsh(full)[:, ::-1], dtype=np.float64).copy()
+    principal[missing] = np.nan
+    return principal
+
+
+def hydrostatic_pressure(stress: Array) -> Array:
+    """Hydrostatic pressure (q,), positive in compression, from stresses (q, 6).
+
+    >>> hydrostatic_pressure(np.array([[-1.0, -2, -3, 7, 7, 7]])).tolist()
+    [2.0]
+    """
+    return -stress[:, :3].sum(axis=1) / 3
+
+
 def find_materials(model: Model, case: Solve) -> Mapping[str, Material]:
     """Give each body its material.
 

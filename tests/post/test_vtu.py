@@ -15,7 +15,8 @@ def test_bodies_hold_the_fields_of_the_samples_bit_for_bit(tmp_path, bent):
     write_bodies(tmp_path / "bodies.vtu", Samples(bent, 3), ignored)
     mesh = meshio.read(tmp_path / "bodies.vtu")
     parts = [sample_patch(bent, name, 3) for name in bent.model.patches]
-    assert set(mesh.point_data) == {"displacement", "stress", "von_mises"}
+    fields = {"displacement", "stress", "von_mises", "principal_stress", "hydrostatic_pressure"}
+    assert set(mesh.point_data) == fields
     np.testing.assert_array_equal(mesh.points, np.concatenate([part.points for part in parts]))
     for name, values in mesh.point_data.items():
         np.testing.assert_array_equal(values, np.concatenate([getattr(part, name) for part in parts]))
