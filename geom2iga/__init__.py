@@ -2,8 +2,8 @@
 
 >>> import geom2iga
 >>> model = geom2iga.build({"geometry": {"degree": 2, "block": [{"name": "cube", "size": [1, 1, 1]}]}})
->>> model
-Model(bodies cube; 1 patches, 6 face groups)
+>>> model.patches["cube"]
+Patch('cube', degree 2, 1 x 1 x 1 spans, polynomial, 27 control points in a box of 1 x 1 x 1)
 """
 
 from geom2iga.build import build, build_from_gmsh

@@ -10,6 +10,7 @@ from typing import Any
 
 from geom2iga.build import build
 from geom2iga.case import GeometryCase
+from geom2iga.display import counted
 from geom2iga.exchange.formats import EXPORTS
 from geom2iga.files import FORMAT, VERSION, read_model, read_stamp, write_model
 from geom2iga.model import Model
@@ -46,13 +47,8 @@ def run(case: Case, folder: Path, stamp: str) -> None:
 def count(model: Model) -> str:
     """One line on what a model holds."""
     points = sum(prod(patch.shape) for patch in model.patches.values())
-    bodies, patches = _number(len(model.bodies), "body", "bodies"), _number(len(model.patches), "patch", "patches")
+    bodies, patches = counted(len(model.bodies), "body", "bodies"), counted(len(model.patches), "patch", "patches")
     return f"{bodies}, {patches}, {points} control points"
-
-
-def _number(count: int, one: str, several: str) -> str:
-    """Count things in words."""
-    return f"{count} {one if count == 1 else several}"
 
 
 def describe(model: Model, body: str) -> str:
@@ -64,11 +60,11 @@ def describe(model: Model, body: str) -> str:
 
 def _mesh(patches: Sequence[Patch]) -> str:
     """Number of patches, degrees and spans."""
-    degrees = " and ".join(map(str, sorted({degree for patch in patches for degree in patch.degrees})))
-    shapes = [[len(at) - 1 for at in patch.breaks] for patch in patches]
     if len(patches) == 1:
-        return f"degree {degrees}, {' x '.join(map(str, shapes[0]))} spans"
-    return f"{len(patches)} patches, degree {degrees}, {sum(map(prod, shapes))} spans"
+        return patches[0].mesh
+    degrees = " and ".join(map(str, sorted({degree for patch in patches for degree in patch.degrees})))
+    spans = sum(prod(len(at) - 1 for at in patch.breaks) for patch in patches)
+    return f"{len(patches)} patches, degree {degrees}, {spans} spans"
 
 
 def plan(case: Case) -> str:

@@ -13,6 +13,7 @@ from geom2iga.errors import CaseError, GeometryError
 from geom2iga.glue import all_faces, conformed, find_glued, normalised
 from geom2iga.model import Face, Glued, Model
 from geom2iga.patch import Patch
+from geom2iga.progress import tracked
 from geom2iga.quality.certificate import Certificate, certify
 from geom2iga.refinement import meshed, with_knots
 from geom2iga.selectors import OuterFace, outer_face, select
@@ -60,7 +61,7 @@ def joined(built: Built) -> Joined:
     glued = find_glued(patches)
     _check_connected(patches, glued)
     patches = conformed(patches, glued)
-    certificates = {patch.name: certify(patch, *built.ways[patch.name]) for patch in patches}
+    certificates = {p.name: certify(p, *built.ways[p.name]) for p in tracked(patches, "certificates")}
     inside = {face for pair in glued for face in (pair.first, pair.second)}
     by_name = {patch.name: patch for patch in patches}
     names = {face: f"{built.name}/{name}" for name, group in built.part.faces.items() for face in group}

@@ -43,6 +43,9 @@ class Round(Table):
     centre: Vector | None = Field(None, description="its centre, or a point of its axis; left out: any")
 
 
+RoundOrRadius = Annotated[Round, BeforeValidator(_round, json_schema_input_type=Round | Positive)]
+
+
 class Selector(Table):
     """Which faces are meant; where several keys are given, all of them hold."""
 
@@ -50,8 +53,8 @@ class Selector(Table):
     y: Number | None = Field(None, description="in the plane at this y")
     z: Number | None = Field(None, description="in the plane at this z")
     normal: Vector | None = Field(None, description="plane, with the outward normal along this vector")
-    sphere: Annotated[Round, BeforeValidator(_round)] | None = Field(None, description="on a sphere: radius, centre")
-    cylinder: Annotated[Round, BeforeValidator(_round)] | None = Field(None, description="on a cylinder: likewise")
+    sphere: RoundOrRadius | None = Field(None, description="on a sphere: radius, centre")
+    cylinder: RoundOrRadius | None = Field(None, description="on a cylinder: likewise")
     group: str | None = Field(None, description="in this physical group")
     tags: Tags | None = Field(None, description="of these numbers in gmsh")
     near: Vector | None = Field(None, description="of those left, the one nearest to this point")
@@ -86,6 +89,11 @@ class Grading(Table):
     )
 
 
+Gradings = Annotated[
+    tuple[Grading, ...], BeforeValidator(_several, json_schema_input_type=Grading | tuple[Grading, ...])
+]
+
+
 class Mesh(Table):
     """Degree and spans of a body, on top of those that its exact shape needs."""
 
@@ -94,7 +102,7 @@ class Mesh(Table):
         None, description="per patch, one number, or three along its own directions; glued ones take the most; or 1"
     )
     span_size: Positive | None = Field(None, description="or the length that no span is to exceed")
-    grading: Annotated[tuple[Grading, ...], BeforeValidator(_several)] = Field((), description="unequal spans")
+    grading: Gradings = Field((), description="unequal spans")
 
     @model_validator(mode="after")
     def _one_of(self) -> Self:

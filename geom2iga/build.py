@@ -22,12 +22,14 @@ from geom2iga.errors import CaseError, UserError
 from geom2iga.exchange.gismo import read_gismo
 from geom2iga.model import Face, Model, Part, side_faces
 from geom2iga.patch import Patch
+from geom2iga.progress import progress, tracked
 from geom2iga.shapes.case import Primitive
 from geom2iga.tables import Case, Source, Table, as_case, checked
 
 Tags = Mapping[str, tuple[int, ...]]
 
 
+@progress("geometry")
 def build(source: Source) -> Model:
     """Build the bodies of a case and turn them into NURBS patches.
 
@@ -55,7 +57,7 @@ def build(source: Source) -> Model:
     bodies: list[Joined] = []
     patches: list[tuple[Patch, ...]] = []
     groups: list[Mapping[str, tuple[Face, ...]]] = []
-    for where, table in geometry.tables:
+    for where, table in tracked(list(geometry.tables), "bodies"):
         with _told(where, getattr(table, "name", None)):
             built, physical = _built(table, folder, geometry.degree)
             found = [joined(each) for each in built]
@@ -92,8 +94,8 @@ def build_from_gmsh(**keys: Any) -> Model:
     >>> gmsh.option.setNumber("General.Terminal", 0)
     >>> tag = gmsh.model.occ.addBox(0, 0, 0, 1, 2, 3)
     >>> gmsh.model.occ.synchronize()
-    >>> build_from_gmsh(name="block", degree=2, spans=4, faces=[{"name": "base", "z": 0.0}])
-    Model(bodies block; 1 patches, 7 face groups)
+    >>> build_from_gmsh(name="block", degree=2, spans=4, faces=[{"name": "base", "z": 0.0}]).faces("base")
+    (Face(patch='block', axis=2, side=0),)
     >>> gmsh.finalize()
     """
     table = checked({"geometry": keys}, OpenModel).geometry

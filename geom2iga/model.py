@@ -1,13 +1,16 @@
 """The geometry of an analysis: bodies made of patches, and named groups of faces."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import islice
+from math import prod
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
+from geom2iga.display import MOST, boxed, counted, html_table, shortened
 from geom2iga.errors import CaseError, suggestion
 from geom2iga.patch import Face, Patch, surface
 from geom2iga.quality.certificate import Certificate
@@ -148,7 +151,34 @@ class Model:
         return surface(self.patches[face.patch], face)
 
     def __repr__(self) -> str:
-        return f"Model(bodies {', '.join(self.bodies)}; {len(self.patches)} patches, {len(self.groups)} face groups)"
+        lines = [f"  {body}: {mesh}, {points}; faces {faces}" for body, mesh, points, faces in self._rows]
+        left = [f"  and {len(self.bodies) - MOST} more"] if len(self.bodies) > MOST else []
+        return "\n".join([f"Model({self._size})", *lines, *left])
+
+    def _repr_html_(self) -> str:
+        return html_table(f"Model: {self._size}", ("body", "patches", "control points", "faces"), self._rows)
+
+    @property
+    def _size(self) -> str:
+        """How much there is of everything."""
+        points = sum(prod(patch.shape) for patch in self.patches.values())
+        glued = f", {counted(len(self.glued), 'pair', 'pairs')} of glued faces" if self.glued else ""
+        bodies, patches = counted(len(self.bodies), "body", "bodies"), counted(len(self.patches), "patch", "patches")
+        return f"{bodies}, {patches}, {points} control points{glued}"
+
+    @property
+    def _rows(self) -> list[tuple[str, str, str, str]]:
+        """Name, mesh, control points and groups of faces of the first bodies."""
+        first = islice(self.bodies.items(), MOST)
+        return [self._row(name, [self.patches[patch] for patch in patches]) for name, patches in first]
+
+    def _row(self, name: str, patches: Sequence[Patch]) -> tuple[str, str, str, str]:
+        """What is said of one body."""
+        mesh = patches[0].mesh if len(patches) == 1 else counted(len(patches), "patch", "patches")
+        own = {patch.name for patch in patches}
+        groups = (group for group, faces in self.groups.items() if any(face.patch in own for face in faces))
+        points = np.concatenate([np.empty((0, 3)), *(patch.control_points.reshape(-1, 3) for patch in patches)])
+        return name, mesh, boxed(points), shortened(groups) or "none"
 
 
 def _same_space(first: Patch, second: Patch, orientation: int) -> bool:

@@ -13,6 +13,7 @@ from scipy.sparse import csr_array
 
 from geom2iga import bspline
 from geom2iga.bspline import Array, Indices
+from geom2iga.display import boxed, html_table
 
 CHUNK = 4_000_000  # numbers in the largest temporary array of an evaluation
 FLAT = 1e-9  # how far from plane, straight or affine, in sizes of the patch
@@ -132,8 +133,23 @@ class Patch:
         return bool(np.abs(misfit).max() <= FLAT * np.ptp(points.reshape(-1, 3), axis=0).max())
 
     def __repr__(self) -> str:
-        spans = " x ".join(str(len(b) - 1) for b in self.breaks)
-        return f"Patch({self.name!r}, degrees {self.degrees}, {spans} spans, {prod(self.shape)} control points)"
+        return f"Patch({self.name!r}, {', '.join(self._facts.values())})"
+
+    def _repr_html_(self) -> str:
+        return html_table(f"Patch {self.name}", tuple(self._facts), [tuple(self._facts.values())])
+
+    @property
+    def _facts(self) -> dict[str, str]:
+        """What is said of it."""
+        kind = "rational" if self.is_rational else "polynomial"
+        return {"mesh": self.mesh, "kind": kind, "control points": boxed(self.control_points)}
+
+    @property
+    def mesh(self) -> str:
+        """Degrees and spans, in words."""
+        same = len(set(self.degrees)) == 1
+        degrees = f"degree {self.degrees[0]}" if same else f"degrees {self.degrees}"
+        return f"{degrees}, {' x '.join(str(len(at) - 1) for at in self.breaks)} spans"
 
 
 @dataclass(frozen=True)

@@ -1,12 +1,10 @@
-"""What the commands share: flags, exit codes, log, stamps, resume."""
+"""What the commands share: exit codes, stamps, resume."""
 
 import argparse
 import hashlib
 import json
 import logging
-import os
 import signal
-import sys
 import threading
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -16,11 +14,13 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from pydantic import create_model
-from rich.console import Console
-
 from geom2iga.errors import CaseError, UserError, VerificationError
+from geom2iga.flags import command_parser, completion
+from geom2iga.progress import turned_on
+from geom2iga.schema import schema
+from geom2iga.starter import write_starter
 from geom2iga.tables import Case, Table, checked, read_case
+from geom2iga.terminal import log_to, print_data, print_json, talk
 
 log = logging.getLogger("geom2iga")
 
@@ -89,15 +89,22 @@ def run_command(description: str, stages: Sequence[Stage], arguments: Sequence[s
     130 interrupted.
     """
     program = stages[0].name if len(stages) == 1 else "iga-run"
-    parser = _parser(program, description)
-    for stage in stages:
-        stage.flags(parser)
+    parser = command_parser(program, description, program_version(), [stage.flags for stage in stages])
     options = parser.parse_args(arguments)
+    if options.print_completion:
+        print_data(completion(parser, options.print_completion))
+        return 0
     if options.schema:
-        return _print_json(_schema(stages))
-    _talk(options)
+        print_json(schema([stage.tables for stage in stages], program))
+        return 0
+    with turned_on(talk(options.quiet, options.verbose)):
+        return _guarded(program, lambda: _run(program, options, stages))
+
+
+def _guarded(program: str, work: Callable[[], int]) -> int:
+    """Turn what goes wrong into messages and exit codes."""
     try:
-        return _run(program, options, stages)
+        return work()
     except UserError as error:
         return _failed(error.exit_code, str(error))
     except KeyboardInterrupt:
@@ -120,8 +127,15 @@ def run_command(description: str, stages: Sequence[Stage], arguments: Sequence[s
 
 def _run(program: str, options: Any, stages: Sequence[Stage]) -> int:
     """Check the case, run what is not up to date, print the summary."""
+    if options.new:
+        if options.case or options.output or options.dry_run or options.force:
+            raise CaseError(
+                "--new DIR writes a case and runs nothing: it goes with no case file, and not with -o, -n, -f"
+            )
+        write_starter(options.new, schema([stage.tables for stage in stages], program), program)
+        return 0
     if options.case is None:
-        raise CaseError(f"no case file given; for example: {program} case.toml")
+        raise CaseError(f"no case file given; for example: {program} case.toml, or {program} --new folder")
     case = read_case(options.case)
     folder = options.output or case.folder / f"{Path(case.name).stem}.out"
     for stage in stages:
@@ -131,7 +145,7 @@ def _run(program: str, options: Any, stages: Sequence[Stage]) -> int:
             log.info("%s: %s", stage.name, stage.plan(case))
         return 0
     stages[0].stamp(case, folder)  # raises where an earlier stage has not been run, before anything is written
-    _log_to(folder)
+    log_to(folder, f"geom2iga {program_version()}")
     try:
         for stage in stages:
             _run_stage(stage, case, folder, options)
@@ -187,72 +201,6 @@ def _failed(code: int, text: str) -> int:
 
 
 def _print_summary(options: Any, stages: Sequence[Stage], folder: Path) -> int:
-    return _print_json(stages[-1].summary(folder)) if options.json else 0
-
-
-def _print_json(data: Mapping[str, Any]) -> int:
-    """Print on standard output; whoever reads it may stop early."""
-    try:
-        print(json.dumps(data, indent=2), flush=True)
-    except BrokenPipeError:
-        sys.stdout = open(os.devnull, "w")  # noqa: SIM115 - so that the interpreter's own flush at exit is quiet
+    if options.json:
+        print_json(stages[-1].summary(folder))
     return 0
-
-
-def _parser(program: str, description: str) -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog=program, description=description, epilog=f"example: {program} examples/contact_patch_test/case.toml"
-    )
-    parser.add_argument("case", nargs="?", type=Path, help="case file (TOML)")
-    parser.add_argument("-o", "--output", type=Path, metavar="DIR", help="output folder, <case>.out beside the case")
-    parser.add_argument("-n", "--dry-run", action="store_true", help="check the case, say what would be done, stop")
-    parser.add_argument("-f", "--force", action="store_true", help="run even what is up to date")
-    parser.add_argument("-q", "--quiet", action="store_true", help="print errors only")
-    parser.add_argument("-v", "--verbose", action="store_true", help="print details")
-    parser.add_argument("--json", action="store_true", help="print the summary on standard output")
-    parser.add_argument("--schema", action="store_true", help="print the JSON schema of the case file")
-    parser.add_argument("--version", action="version", version=f"{program} {program_version()}")
-    return parser
-
-
-def _schema(stages: Sequence[Stage]) -> dict[str, Any]:
-    """JSON schema of all that the stages read of a case."""
-    fields = {name: (f.annotation, f) for stage in stages for name, f in stage.tables.model_fields.items()}
-    return create_model("Case", __base__=Table, **fields).model_json_schema()  # type: ignore[call-overload]
-
-
-class Terminal(logging.Handler):
-    """Prints messages on standard error, errors in red, without breaking lines."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.console = Console(stderr=True, soft_wrap=True, markup=False, highlight=False)
-
-    def emit(self, record: logging.LogRecord) -> None:
-        """Print one message."""
-        self.console.print(self.format(record), style="red" if record.levelno >= logging.ERROR else None)
-
-
-def _talk(options: Any) -> None:
-    """Send messages to standard error, as loud as asked for."""
-    for handler in list(log.handlers):
-        log.removeHandler(handler)
-        handler.close()
-    handler = Terminal()
-    handler.setLevel(logging.ERROR if options.quiet else logging.DEBUG if options.verbose else logging.INFO)
-    log.addHandler(handler)
-    log.setLevel(logging.DEBUG)
-    log.propagate = False
-
-
-def _log_to(folder: Path) -> None:
-    """Send all messages to log.txt too, after those of earlier runs."""
-    path = folder / "log.txt"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        handler = logging.FileHandler(path, encoding="utf-8")
-    except OSError as error:
-        raise CaseError(f"{folder}: cannot write there ({error.strerror}); name another folder with -o") from None
-    handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)-7s %(message)s"))
-    log.addHandler(handler)
-    log.debug("%s %s, process %d", " ".join(sys.argv), program_version(), os.getpid())

@@ -14,6 +14,8 @@ from geom2iga.errors import CaseError, suggestion
 
 TABLES = ("title", "units", "geometry", "solve", "post", "verify")
 
+WORD = r"\w[\w-]*"  # what a name looks like
+
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0)]
 Count = Annotated[int, Field(strict=True, ge=1)]
@@ -32,16 +34,22 @@ def _three(value: Any) -> Any:
 
 def _word(value: Any) -> Any:
     """Names become parts of face names and of paths in files."""
-    if not isinstance(value, str) or not re.fullmatch(r"\w[\w-]*", value):
+    if not isinstance(value, str) or not re.fullmatch(WORD, value):
         raise ValueError(f'a name consists of letters, digits, "_" and "-", found "{value}"')
     return value
 
 
 Degree = Annotated[int, Field(strict=True, ge=1, le=20)]
-Degrees = Annotated[tuple[Degree, Degree, Degree], BeforeValidator(_three)]
+Degrees = Annotated[
+    tuple[Degree, Degree, Degree],
+    BeforeValidator(_three, json_schema_input_type=Degree | tuple[Degree, Degree, Degree]),
+]
 Spans = Annotated[int, Field(strict=True, ge=1, le=10_000)]
-SpansEach = Annotated[tuple[Spans, Spans, Spans], BeforeValidator(_three)]
-Name = Annotated[str, BeforeValidator(_word)]
+SpansEach = Annotated[
+    tuple[Spans, Spans, Spans],
+    BeforeValidator(_three, json_schema_input_type=Spans | tuple[Spans, Spans, Spans]),
+]
+Name = Annotated[str, BeforeValidator(_word, json_schema_input_type=Annotated[str, Field(pattern=f"^{WORD}$")])]
 
 
 class Table(BaseModel):

@@ -12,7 +12,7 @@ from geom2iga.stage import Stage, fingerprint, listed, log, run_command
 from geom2iga.tables import Case, checked
 from post.case import PostCase
 from post.export import export
-from post.verify import check_names
+from post.wanted import check_wanted
 from solve import __main__ as solution
 from solve.case import SolveCase
 from solve.files import read_result
@@ -75,10 +75,10 @@ def summary(folder: Path) -> Mapping[str, Any]:
 
 
 def plan(case: Case) -> str:
-    """Check that what is to be verified exists."""
-    entries = checked(case, PostCase).verify
-    check_names(build(case), checked(case, SolveCase).solve.contact, entries)
-    return f"VTU files, pictures, summary and {len(entries)} checks"
+    """Check that what is asked for exists."""
+    wanted = checked(case, PostCase)
+    check_wanted(build(case), checked(case, SolveCase).solve.contact, wanted)
+    return f"VTU files, tables, pictures, report, summary and {len(wanted.verify)} checks"
 
 
 STAGE = Stage("iga-post", PostCase, stamp, written, plan, run, summary)

@@ -46,7 +46,7 @@ class Cut(Table):
 class Picture(Table):
     """A picture of a field on the deformed bodies."""
 
-    name: Name = Field(description="of the file, without ending")
+    name: Name = Field(description="of picture_<name>.png")
     field: Scalar = Field(description="what colours the bodies")
     bodies: tuple[str, ...] | None = Field(None, description="which are drawn; left out: all")
     cut: Cut | None = Field(None, description="plane that shows the inside; left out: outer faces")
@@ -55,9 +55,10 @@ class Picture(Table):
 class PointProbe(Table):
     """All fields at one point of a body, for each load step."""
 
-    name: Name = Field(description="of point_<name>.csv")
+    name: Name = Field(description="of point_<name>.csv and, where there are several load steps, point_<name>.png")
     at: Vector = Field(description="undeformed place [length]")
     body: str | None = Field(None, description="that holds the point; left out: the only one that does")
+    field: Scalar = Field("von_mises", description="what its picture shows over the load steps")
 
 
 class LineProbe(Table):
@@ -90,6 +91,9 @@ class Post(Table):
     deformation: Positive | None = Field(None, description="factor on displacements in pictures; left out: chosen")
     report: bool = Field(True, strict=True, description="write report.html, which needs no other file and no network")
     bezier: bool = Field(True, strict=True, description="write bezier.vtu, exact geometry and displacement")
+    load_steps: bool = Field(
+        True, strict=True, description="write bezier and contact files of earlier load steps, too, and a .pvd of each"
+    )
     gauss_points: bool = Field(False, strict=True, description="write gauss.vtu, stress at the Gauss points")
     picture: tuple[Picture, ...] = Field((), description="further pictures")
     point: tuple[PointProbe, ...] = Field((), description="points whose fields are written to files")

@@ -7,21 +7,25 @@ from pathlib import Path
 from typing import Any
 
 from geom2iga.errors import CaseError
-from geom2iga.model import Model
+from geom2iga.progress import progress, tracked
 from geom2iga.stage import log, uninterrupted
 from geom2iga.tables import Source, checked
 from geom2iga.threads import one_blas_thread
-from post.case import PostCase
+from post.case import Post, PostCase
+from post.data import size_of_data, write_data
 from post.fields import BodySamples, Samples
 from post.grid import USUAL, choose_samples, count_points
-from post.summary import Extremes, extremes_of, summarise, write_history, write_load_steps, write_summary
-from post.verify import Check, Worst, check_names, compare, look_at
-from post.vtu import body_columns, write_bodies, write_contact
+from post.probes import Probes, sample_probes
+from post.summary import Extremes, extremes_of, summarise, write_summary
+from post.verify import Check, Worst, compare, look_at
+from post.vtu import write_bodies
+from post.wanted import check_wanted
+from solve.analysis import Clock
 from solve.result import Result
 
 
 def export(result: Result, source: Source, folder: str | Path, stamp: str = "") -> dict[str, Any]:
-    """Write VTU files, pictures, history.csv and summary.json into a folder, which is made if need be.
+    """Write VTU files, tables, pictures, report.html and summary.json into a folder, which is made if need be.
 
     Parameters
     ----------
@@ -39,7 +43,7 @@ def export(result: Result, source: Source, folder: str | Path, stamp: str = "") 
     Raises
     ------
     CaseError
-        The case is wrong, the result has not converged, or the disk has not the room for all sample points.
+        The case is wrong, the result has not converged, or the disk has not the room for all files.
     UserError
         Libraries for drawing are missing.
     """
@@ -47,44 +51,47 @@ def export(result: Result, source: Source, folder: str | Path, stamp: str = "") 
     result.check_converged()
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    check_names(result.model, [contact.definition for contact in result.pairs], case.verify)
-    samples = Samples(result, _samples(result.model, case, folder))
+    check_wanted(result.model, [contact.definition for contact in result.pairs], case)
+    samples = Samples(result, _samples(result, case.post, folder))
+    probes = sample_probes(result, case.post)
+    clock = Clock()
     with one_blas_thread():
-        began = time.perf_counter()
-        checks, extremes = _write_bodies(folder / "bodies.vtu", samples, case)
-        write_history(folder / "history.csv", result.history)
-        files = ["bodies.vtu", "history.csv"]
-        if len(result.states) > 1:
-            write_load_steps(folder / "load_steps.csv", result)
-            files.append("load_steps.csv")
-        if result.contacts:
-            write_contact(folder / "contact.vtu", samples)
-            files.append("contact.vtu")
+        with clock.phase("files"):
+            checks, extremes = _write_bodies(folder / "bodies.vtu", samples, case)
+            files = ["bodies.vtu", *write_data(samples, case.post, probes, folder)]
         summary = summarise(samples, checks, extremes)
-        written = time.perf_counter()
+        pictures: list[str] = []
         if case.post.pictures:
-            files.extend(_draw(samples, case, folder))
-        summary["seconds"] |= {"files": written - began, "pictures": time.perf_counter() - written}
-    summary |= {"title": case.title, "units": case.units.model_dump(), "files": sorted(files), "stamp": stamp}
+            with clock.phase("pictures"):
+                pictures.extend(_draw(samples, case, probes, folder))
+        if case.post.report:
+            files.append("report.html")
+        summary["seconds"] |= clock.seconds
+        summary |= {"title": case.title, "units": case.units.model_dump(), "files": sorted([*files, *pictures])}
+        if case.post.report:
+            _report(samples, summary, source, [folder / name for name in pictures], folder)
+    summary["stamp"] = stamp
     write_summary(folder / "summary.json", summary)
     return summary
 
 
-def _samples(model: Model, case: PostCase, folder: Path) -> int:
+def _samples(result: Result, post: Post, folder: Path) -> int:
     """Points per span and direction: as the case says, or chosen; raise CaseError where the disk is too small."""
-    samples = case.post.samples or choose_samples(model)
-    if case.post.samples is None and samples < USUAL:
+    model = result.model
+    samples = post.samples or choose_samples(model)
+    if post.samples is None and samples < USUAL:
         points = sum(count_points(patch, USUAL)[0] for patch in model.patches.values())
         log.info(
             "iga-post: %d sample points per span and direction, as %d would make %.2g million; samples in [post] sets "
             "another number",
             *(samples, USUAL, points / 1e6),
         )
-    wanted, free = sum(column.size for column in body_columns(model, samples)), shutil.disk_usage(folder).free
+    wanted, free = size_of_data(result, post, samples), shutil.disk_usage(folder).free
     if wanted > free:
         raise CaseError(
-            f"post.samples: {samples} points per span and direction make {folder / 'bodies.vtu'} "
-            f"{wanted / 1e9:.3g} GB large, {free / 1e9:.3g} GB are free: take fewer, or another folder"
+            f"post.samples: {samples} points per span and direction make files of {wanted / 1e9:.3g} GB in {folder}, "
+            f"{free / 1e9:.3g} GB are free: take fewer, set bezier or load_steps in [post] to false, or take another "
+            "folder"
         )
     return samples
 
@@ -101,29 +108,27 @@ def _write_bodies(path: Path, samples: Samples, case: PostCase) -> tuple[tuple[C
     return compare(samples, entries, [worst for _, _, worst in looks]), extremes
 
 
-def _draw(samples: Samples, case: PostCase, folder: Path) -> Iterator[str]:
-    """Draw all pictures and yield their names."""
-    result = samples.result
+def _draw(samples: Samples, case: PostCase, probes: Probes, folder: Path) -> Iterator[str]:
+    """Draw all pictures in all formats and yield the names of the files."""
     with uninterrupted():
         from geom2iga.picture import scene  # imports pyvista and matplotlib, which takes a second
         from post import plots
 
     scene.check_renderer("set pictures = false in [post]")
-    length, force, stress = case.units.length, case.units.force, case.units.stress
-    drawn = plots.drawn(samples)
-    figures = {
-        "displacement.png": lambda: plots.draw_displacement(drawn, length, case.post.deformation),
-        "stress.png": lambda: plots.draw_stress(drawn, stress, case.post.deformation),
-    }
-    if result.contacts:
-        figures["contact_pressure.png"] = lambda: plots.draw_pressure(drawn, stress)
-    if result.contacts and len(result.states) > 1:
-        figures["load_steps.png"] = lambda: plots.draw_load_steps(result, force)
-    if result.history:
-        figures["newton.png"] = lambda: plots.draw_newton(result.history)
-    for name, draw in figures.items():
+    for name, draw in tracked(plots.pictures_of(samples, case, probes).items(), "pictures"):
         began = time.perf_counter()
         with uninterrupted():
-            scene.save(draw(), folder / name)
+            figure = draw()
+            for ending in case.post.formats:
+                scene.save(figure, folder / f"{name}.{ending}")
         log.debug("iga-post: %s, %.2f s", name, time.perf_counter() - began)
-        yield name
+        yield from (f"{name}.{ending}" for ending in case.post.formats)
+
+
+def _report(samples: Samples, summary: Mapping[str, Any], source: Source, pictures: list[Path], folder: Path) -> None:
+    """Write report.html."""
+    with uninterrupted():
+        from post.report.page import write_report  # imports pyvista and trame
+
+    with progress("report"), uninterrupted():
+        write_report(folder / "report.html", samples, summary, source, pictures)

@@ -8,6 +8,7 @@ import numpy as np
 
 from geom2iga.bspline import Array, Indices
 from geom2iga.patch import Face, evaluate
+from geom2iga.progress import progress, tracked
 from post.grid import Grid, face_grid, find_slabs, sample_grid
 from solve.bricks import Brick
 from solve.contact.cells import nearest_feet
@@ -121,7 +122,7 @@ class Samples:
         """Evaluate all patches of some bodies, slab by slab, and name the patch of each."""
         for name in (name for body in bodies for name in self.result.model.bodies[body]):
             grid = sample_grid(self.result.model.patches[name], self.count, joined=True)
-            yield from ((name, part) for part in _sample_slabs(self.result, name, grid))
+            yield from ((name, part) for part in tracked(_sample_slabs(self.result, name, grid), "slabs"))
 
 
 def sample_patch(result: Result, name: str, samples: int) -> BodySamples:
@@ -171,15 +172,21 @@ def _evaluate_brick(brick: Brick, coefficients: Array) -> tuple[Array, Array]:
 
 
 def sample_at(result: Result, name: str, xi: Array, spans: Indices | None = None) -> BodySamples:
-    """Evaluate position, displacement and stress of a patch at any parametric points (q, 3)."""
+    """Evaluate position, displacement and stress of a patch at any parametric points (q, 3).
+
+    Stress is not a number where det J = 0.
+    """
     patch = result.model.patches[name]
     both = np.concatenate([patch.control_points.reshape(-1, 3), result.displacement_of(name)], axis=1)
     values, slopes = evaluate(patch, xi, 1, both, spans)
-    gradient = slopes[:, 3:] @ np.linalg.inv(slopes[:, :3])
+    cofactors, determinant = cofactors_of(np.moveaxis(slopes[:, :3], 0, -1))
+    cofactors /= np.where(determinant == 0, np.nan, determinant)
+    gradient = np.einsum("qia,ajq->qij", slopes[:, 3:], cofactors)
     stress = result.materials[result.model.body_of(name)].stress(gradient)
     return BodySamples(values[:, :3], values[:, 3:], stress, np.empty((0, 8), np.int64))
 
 
+@progress("contact samples")
 def sample_contact(result: Result, contact: ContactResult, samples: int) -> tuple[ContactSamples, ...]:
     """Sample the secondary faces of a contact."""
     faces = result.model.faces(contact.definition.secondary)

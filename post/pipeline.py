@@ -10,19 +10,19 @@ from geom2iga.stage import run_command
 from geom2iga.tables import Case, checked
 from post import __main__ as post
 from post.case import PostCase
-from post.verify import check_names
+from post.wanted import check_wanted
 from solve import __main__ as solution
 from solve.case import SolveCase
 
 
-def solve_what_can_be_verified(case: Case, folder: Path, stamp: str) -> None:
-    """Solve, but first check that what is to be verified exists."""
+def solve_what_can_be_shown(case: Case, folder: Path, stamp: str) -> None:
+    """Solve, but first check that what is asked for exists."""
     model, contacts = read_model(folder / geometry.FILE), checked(case, SolveCase).solve.contact
-    check_names(model, contacts, checked(case, PostCase).verify)
+    check_wanted(model, contacts, checked(case, PostCase))
     solution.run(case, folder, stamp)
 
 
-STAGES = (geometry.STAGE, replace(solution.STAGE, run=solve_what_can_be_verified), post.STAGE)
+STAGES = (geometry.STAGE, replace(solution.STAGE, run=solve_what_can_be_shown), post.STAGE)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -14,7 +14,7 @@ from geom2iga.tables import Source, checked
 from post.case import PostCase
 from post.exact import Hertz
 from post.fields import sample_contact
-from post.plots import draw_profile
+from post.plots import Curve, draw_profile
 from solve.result import Result
 
 SAMPLES = 6  # per span and direction
@@ -88,5 +88,5 @@ def compare_with_hertz(
     if picture:
         units = checked(source, PostCase).units
         near = profile.within(1.5 * exact.reach)
-        scene.save(draw_profile(*near, exact.pressure, units.length, units.stress), Path(picture))
+        scene.save(draw_profile([Curve("computed", *near)], exact.pressure, units), Path(picture))
     return errors

@@ -1,6 +1,5 @@
-"""summary.json and history.csv."""
+"""summary.json and the tables that go with it."""
 
-import csv
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, fields
@@ -12,6 +11,7 @@ import numpy as np
 from geom2iga.bspline import Array
 from geom2iga.files import replacing
 from post.fields import BodySamples, Samples
+from post.tables import write_rows
 from post.verify import Check
 from solve.newton import Step
 from solve.result import Result, carried, first_passes
@@ -43,6 +43,10 @@ def summarise(samples: Samples, checks: Sequence[Check], extremes: Mapping[str, 
         "bodies": {body: _body(parts) for body, parts in extremes.items()},
         "patches": {name: certificate.data for name, certificate in result.model.certificates.items()},
         "contact": list(_contacts(samples)),
+        "reactions": [
+            {"on": reaction.on, "force": reaction.force.tolist(), "moment": reaction.moment.tolist()}
+            for reaction in result.state.reactions
+        ],
         "load_steps": load_steps(result),
         "verify": [asdict(check) for check in checks],
     }
@@ -87,7 +91,7 @@ def write_summary(path: Path, summary: Mapping[str, Any]) -> None:
 
 def write_history(path: Path, history: Sequence[Step]) -> None:
     """Write history.csv, a row per Newton step."""
-    _write_rows(path, [field.name for field in fields(Step)], map(asdict, history))
+    write_rows(path, [field.name for field in fields(Step)], map(asdict, history))
 
 
 def write_load_steps(path: Path, result: Result) -> None:
@@ -98,19 +102,32 @@ def write_load_steps(path: Path, result: Result) -> None:
             "load_factor": step["load_factor"],
             "secondary": values["secondary"],
             "primary": values["primary"],
-            **{f"force_{axis}": value for axis, value in zip("xyz", values["force"], strict=True)},
-            **{f"moment_{axis}": value for axis, value in zip("xyz", values["moment"], strict=True)},
+            **_components("force", values["force"]),
+            **_components("moment", values["moment"]),
             **{key: values[key] for key in ("area", "penetration", "active", "candidates")},
         }
         for number, step in enumerate(load_steps(result), start=1)
         for values in step["contact"]
     ]
-    _write_rows(path, list(rows[0]) if rows else ["load_step"], rows)
+    write_rows(path, list(rows[0]) if rows else ["load_step"], rows)
 
 
-def _write_rows(path: Path, names: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> None:
-    """Write a CSV file with a header."""
-    with replacing(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, names)
-        writer.writeheader()
-        writer.writerows(rows)
+def write_reactions(path: Path, result: Result) -> None:
+    """Write reactions.csv, a row per load step and support."""
+    rows = [
+        {
+            "load_step": number,
+            "load_factor": state.load_factor,
+            "on": reaction.on,
+            **_components("force", reaction.force),
+            **_components("moment", reaction.moment),
+        }
+        for number, state in enumerate(result.states, start=1)
+        for reaction in state.reactions
+    ]
+    write_rows(path, list(rows[0]), rows)
+
+
+def _components(name: str, vector: Iterable[float]) -> dict[str, float]:
+    """Columns of a vector."""
+    return {f"{name}_{axis}": float(value) for axis, value in zip("xyz", vector, strict=True)}

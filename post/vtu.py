@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from geom2iga.files import replacing
 from geom2iga.model import Model
+from geom2iga.progress import progress
 from post.fields import BodySamples, ContactSamples, Samples
 from post.grid import count_points
 
@@ -23,7 +24,7 @@ Put = Callable[[str, int, NDArray[Any]], None]
 
 BODY_FIELDS = {"displacement": 3, "stress": 6, "von_mises": 1, "principal_stress": 3, "hydrostatic_pressure": 1}
 CONTACT_FIELDS = {"pressure": 1, "gap": 1, "normal": 3, "displacement": 3}
-KINDS = {8: 12, 4: 9}  # VTK's number of a cell of so many corners
+KINDS = {8: 12, 4: 9, 1: 1}  # VTK's number of a cell of so many corners
 NAMES = {"f": "Float", "i": "Int", "u": "UInt"}  # of numpy's kinds of numbers
 LENGTH = np.dtype(np.uint64)  # of an array in bytes, stands before it
 
@@ -48,6 +49,7 @@ class Column(NamedTuple):
         return LENGTH.itemsize + self.row * self.rows
 
 
+@progress("bodies.vtu")
 def write_bodies(path: Path, samples: Samples, look: Callable[[str, BodySamples], Found]) -> list[Found]:
     """Write the undeformed bodies: the fields as point data, stress as xx yy zz xy yz xz; cell data body.
 
@@ -71,28 +73,28 @@ def write_bodies(path: Path, samples: Samples, look: Callable[[str, BodySamples]
             found.append(look(name, part))
             yield name, numbers[name], part
 
-    with _opened(path, body_columns(model, samples.count)) as put:
+    with opened(path, body_columns(model, samples.count)) as put:
         put("samples", 0, np.array([samples.count]))
-        _fill(put, BODY_FIELDS, parts(), "body")
+        fill(put, BODY_FIELDS, parts(), "body")
     return found
 
 
 def body_columns(model: Model, samples: int) -> tuple[Column, ...]:
     """Lay out the file of the bodies."""
     counts = [count_points(patch, samples) for patch in model.patches.values()]
-    return _columns(sum(p for p, _ in counts), sum(c for _, c in counts), 8, BODY_FIELDS, "body")
+    return lay_out(sum(p for p, _ in counts), sum(c for _, c in counts), 8, BODY_FIELDS, "body")
 
 
 def write_contact(path: Path, samples: Samples) -> None:
     """Write the undeformed secondary faces: point data pressure, gap, normal, displacement; cell data face."""
     parts = samples.secondary
     points, cells = sum(len(part.points) for part in parts), sum(len(part.cells) for part in parts)
-    with _opened(path, _columns(points, cells, 4, CONTACT_FIELDS, "face")) as put:
+    with opened(path, lay_out(points, cells, 4, CONTACT_FIELDS, "face")) as put:
         put("samples", 0, np.array([samples.count]))
-        _fill(put, CONTACT_FIELDS, ((number, number, part) for number, part in enumerate(parts)), "face")
+        fill(put, CONTACT_FIELDS, ((number, number, part) for number, part in enumerate(parts)), "face")
 
 
-def _columns(points: int, cells: int, corners: int, fields: Mapping[str, int], number: str) -> tuple[Column, ...]:
+def lay_out(points: int, cells: int, corners: int, fields: Mapping[str, int], number: str) -> tuple[Column, ...]:
     """Lay out a file.
 
     Only the first array has not a multiple of four bytes, and the last: meshio rewrites offsets into multiples of four
@@ -111,7 +113,7 @@ def _columns(points: int, cells: int, corners: int, fields: Mapping[str, int], n
     )
 
 
-def _fill(
+def fill(
     put: Put,
     fields: Mapping[str, int],
     parts: Iterable[tuple[Hashable, int, BodySamples | ContactSamples]],
@@ -134,7 +136,7 @@ def _fill(
 
 
 @contextmanager
-def _opened(path: Path, columns: Sequence[Column]) -> Iterator[Put]:
+def opened(path: Path, columns: Sequence[Column]) -> Iterator[Put]:
     """Yield what puts rows of an array, from a number on, into a file that is whole at the end."""
     header = _header(columns).encode()
     ends = len(header) + np.cumsum([column.size for column in columns])

@@ -69,7 +69,6 @@ def run(case: Case, folder: Path, stamp: str) -> None:
             names = contact.definition.secondary, contact.definition.primary
             log.warning('iga-solve: warning: contact of "%s" with "%s": %s', *names, warning)
     statistics = result.statistics
-    log.debug("iga-solve: seconds %s", statistics["seconds"])
     way, seconds = statistics["linear_solver"], time.perf_counter() - began
     log.info("iga-solve: converged, %d unknowns, %s, %.2f s", statistics["dofs"], way, seconds)
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from geom2iga.bspline import Array
 from geom2iga.model import Model
+from geom2iga.progress import noted, progress, tracked
 from geom2iga.tables import Source, checked
 from geom2iga.threads import one_blas_thread
 from solve.case import SolveCase
@@ -25,6 +26,7 @@ from solve.memory import KEPT, check_memory, fits, is_iterative, map_numbers
 from solve.newton import ROUNDING, Solution, Status, Step
 from solve.operator import Stiffness
 from solve.problem import Pass, Problem, prepare
+from solve.reactions import Forces, find_reactions
 from solve.result import ContactResult, Result, State
 from solve.rules import exact_rules
 from solve.system import System, reduced_system
@@ -128,29 +130,34 @@ def _follow(
     shares = problem.case.steps.shares
     states = list(before.states) if before else []
     history = [step for step in before.history if step.load_step <= len(states)] if before else []
-    status, unbalanced, forces = Status.CONVERGED, 0.0, 0.0
+    status, unbalanced, sizes = Status.CONVERGED, 0.0, 0.0
+    inner = assembled.stiffness @ states[-1].displacement.ravel() if states else np.zeros(problem.space.dofs)
 
     def told(step: Step) -> None:
         history.append(replace(step, number=len(history) + 1, load_step=len(states) + 1))
         report(history[-1])
+        noted(f"residual {step.residual:.1e}")
 
     def result() -> Result:
-        error = unbalanced / forces if forces else unbalanced
-        statistics = _statistics(assembled, clock, history, states, error)
+        error = unbalanced / sizes if sizes else unbalanced
+        energy = float(states[-1].displacement.ravel() @ inner / 2) if states else 0.0
+        statistics = _statistics(assembled, clock, history, energy, error)
         return Result(status, problem.space.model, problem.materials, tuple(states), tuple(history), statistics)
 
-    while status is Status.CONVERGED and len(states) < len(shares):
-        system = assembled.under(shares[len(states)])
+    for share in tracked(shares[len(states) :], "load steps"):
+        system = assembled.under(share)
         start = _start(problem, states[-1]) if states else None
         with clock.phase("newton"):
             solution = find_equilibrium(system, problem.law, settings, assembled.tangents, told, start)
         status = solution.status
-        if status is Status.CONVERGED:
-            states.append(_state(problem, shares[len(states)], solution))
-            found = _unbalanced(problem, system, solution)
-            unbalanced, forces = max(unbalanced, found[0]), max(forces, found[1])
-            if len(states) < len(shares):
-                keep(result())
+        if status is not Status.CONVERGED:
+            break
+        state, forces = _state(problem, assembled, share, solution)
+        states.append(state)
+        inner, found = forces.inner, _unbalanced(problem, system, forces, solution.scale)
+        unbalanced, sizes = max(unbalanced, found[0]), max(sizes, found[1])
+        if len(states) < len(shares):
+            keep(result())
     return result()
 
 
@@ -159,13 +166,17 @@ def _start(problem: Problem, state: State) -> Start:
     return Start(problem.allowed.matrix.T @ state.displacement.ravel(), state.pressure)
 
 
-def _state(problem: Problem, share: float, solution: Solution) -> State:
+def _state(problem: Problem, assembled: Assembled, share: float, solution: Solution) -> tuple[State, Forces]:
     """Take what is known of an equilibrium under a share of the loads."""
-    allowed = problem.allowed
+    allowed, supports = problem.allowed, problem.case.support
     displacement = (allowed.matrix @ solution.free + share * allowed.offset).reshape(-1, 3)
+    contact = problem.mortar.gap_operator.T @ solution.pressure
+    forces = Forces(assembled.stiffness @ displacement.ravel(), share * problem.load, contact)
     ends = np.cumsum([len(part.mortar.area) for part in problem.passes])[:-1]
     pressures = np.split(solution.pressure, ends)
-    return State(displacement, tuple(_contact_results(problem, displacement, pressures)), share)
+    contacts = tuple(_contact_results(problem, displacement, pressures))
+    reactions = find_reactions(problem.space, supports, problem.conditions, forces.carried)
+    return State(displacement, contacts, share, reactions), forces
 
 
 def _contact_results(problem: Problem, displacement: Array, pressures: Sequence[Array]) -> Iterator[ContactResult]:
@@ -214,35 +225,33 @@ def _warnings(problem: Problem, part: Pass, pressure: Array, displacement: Array
 
 
 def _statistics(
-    assembled: Assembled, clock: "Clock", history: Sequence[Step], states: Sequence[State], error: float
+    assembled: Assembled, clock: "Clock", history: Sequence[Step], energy: float, error: float
 ) -> dict[str, Any]:
     """Collect sizes, counts and times."""
-    displacement = states[-1].displacement.ravel() if states else np.zeros(assembled.stiffness.shape[0])
     return {
         "dofs": len(assembled.loaded.load),
         "newton_iterations": len(history),
         "linear_iterations": assembled.tangents.iterations,
         "factorisations": assembled.tangents.factorisations,
         "linear_solver": assembled.tangents.name,
-        "strain_energy": float(displacement @ (assembled.stiffness @ displacement) / 2),
+        "strain_energy": energy,
         "equilibrium_error": error,
         "peak_memory": peak_memory(),
         "seconds": dict(clock.seconds),
     }
 
 
-def _unbalanced(problem: Problem, system: System, solution: Solution) -> tuple[float, float]:
+def _unbalanced(problem: Problem, system: System, forces: Forces, scale: float) -> tuple[float, float]:
     """Largest sum of loads, contact forces and reactions on one body, and the sum of the sizes of all forces.
 
-    The residual on free unknowns is all that reactions do not take.
+    What is carried along free unknowns is all that reactions do not take.
     """
-    contact = system.gap_operator.T @ solution.pressure
-    residual = system.load - solution.inner + contact
-    unbalanced = (problem.allowed.matrix @ residual).reshape(-1, 3)
+    matrix = problem.allowed.matrix
+    unbalanced = (matrix @ (matrix.T @ forces.carried)).reshape(-1, 3)
     bodies = problem.space.model.bodies
     total = max(float(np.abs(unbalanced[problem.space.body_numbers(body)].sum(axis=0)).max()) for body in bodies)
-    sizes = (float(np.abs(force).sum()) for force in (system.load, contact))
-    return total, max(ROUNDING * solution.scale, *sizes)
+    sizes = (float(np.abs(force).sum()) for force in (system.load, matrix.T @ forces.contact))
+    return total, max(ROUNDING * scale, *sizes)
 
 
 def peak_memory() -> int:
@@ -259,9 +268,10 @@ class Clock:
 
     @contextmanager
     def phase(self, name: str) -> Iterator[None]:
-        """Time what happens inside."""
+        """Time what happens inside, and show that it is under way."""
         began = time.perf_counter()
         try:
-            yield
+            with progress(name):
+                yield
         finally:
             self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - began

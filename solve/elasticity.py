@@ -8,6 +8,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from geom2iga.bspline import Array, Indices
+from geom2iga.progress import tracked
 from geom2iga.threads import thread_count
 from solve.material import Material
 from solve.pattern import Band, find_pattern
@@ -40,11 +41,12 @@ def assemble_stiffness(space: Space, materials: Mapping[str, Material]) -> csr_a
     values = pattern.allocated()
     known: Known = {}
     with ThreadPoolExecutor(thread_count()) as pool:
-        for name, patch in space.model.patches.items():
+        for name, patch in tracked(space.model.patches.items(), "patches"):
             lame, shear = materials[space.model.body_of(name)].lame
             products = GradientProducts(patch, shear, directions_of(patch, rules[name], known))
             part = _Part(products, lame / shear, pattern.starts[name], values)
-            for _ in pool.map(part.write, products.tiles()):
+            tiles = products.tiles()
+            for _ in tracked(pool.map(part.write, tiles), "tiles of the stiffness", len(tiles)):
                 pass
             pattern.merge(name, values)
     values.resize(len(pattern.indices), refcheck=False)  # the rest was for rows that are merged now

@@ -1,6 +1,7 @@
 """solution.h5: a result written and read back exactly."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -11,9 +12,10 @@ from geom2iga.files import created, get_model, opened, put_model
 from solve.case import Contact
 from solve.material import Material
 from solve.newton import Status, Step
+from solve.reactions import Reaction
 from solve.result import ContactResult, Result, State
 
-FORMAT, VERSION = "geom2iga solution", 3
+FORMAT, VERSION = "geom2iga solution", 4
 
 
 def write_result(path: str | Path, result: Result, stamp: str = "") -> None:
@@ -31,6 +33,7 @@ def write_result(path: str | Path, result: Result, stamp: str = "") -> None:
                 _put(file, name, contact, CONTACT)
                 file[name].attrs["definition"] = contact.definition.model_dump_json()
                 file[name].attrs["warnings"] = json.dumps(contact.warnings)
+            _put_reactions(file.create_group(f"states/{number}/reactions"), state.reactions)
 
 
 STATE = ("displacement", "load_factor")
@@ -55,7 +58,10 @@ def read_result(path: str | Path) -> Result:
             Status[file.attrs["status"]],
             get_model(file["model"]),
             {name: Material(**values) for name, values in json.loads(file.attrs["materials"]).items()},
-            tuple(State(**_get(group, STATE), contacts=_contacts(group)) for group in states),
+            tuple(
+                State(**_get(group, STATE), contacts=_contacts(group), reactions=_get_reactions(group["reactions"]))
+                for group in states
+            ),
             tuple(Step(**step) for step in json.loads(file.attrs["history"])),
             json.loads(file.attrs["statistics"]),
         )
@@ -72,6 +78,19 @@ def _contacts(state: Any) -> tuple[ContactResult, ...]:
         )
         for group in groups
     )
+
+
+def _put_reactions(group: Any, reactions: Sequence[Reaction]) -> None:
+    """Write the reactions of a state, a row per support."""
+    group.attrs["supports"] = json.dumps([(reaction.number, reaction.on) for reaction in reactions])
+    for field in ("force", "moment"):
+        group[field] = np.array([getattr(reaction, field) for reaction in reactions]).reshape(-1, 3)
+
+
+def _get_reactions(group: Any) -> tuple[Reaction, ...]:
+    """Read the reactions of a state."""
+    rows = zip(json.loads(group.attrs["supports"]), group["force"][()], group["moment"][()], strict=True)
+    return tuple(Reaction(number, on, force, moment) for (number, on), force, moment in rows)
 
 
 def _put(file: Any, name: str, record: object, fields: tuple[str, ...]) -> None:

@@ -6,6 +6,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from geom2iga.bspline import Array, Indices, Mask
+from geom2iga.progress import tracked
 from solve.bricks import Floats
 from solve.complement import DENSE, Complement, Factors, Iterations
 from solve.contact.laws import Law
@@ -58,7 +59,7 @@ class Saddle(NamedTuple):
         residual = force - self.forces(found, pressure) if gap.any() else force
         direction, pull = self.conditioned(residual, still)
         power = first = float(residual @ direction)
-        for iteration in range(MOST_ITERATIONS):
+        for iteration in tracked(iter(range(MOST_ITERATIONS)), "conjugate gradients"):
             if power <= tolerance**2 * first:
                 return found, pressure, iteration
             pushed = self.forces(direction, pull)

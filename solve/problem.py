@@ -9,7 +9,7 @@ from geom2iga.bspline import Array, Indices
 from geom2iga.errors import CaseError
 from geom2iga.model import Face, Model
 from solve.case import Contact, Solve
-from solve.constraints import AffineMap, constrain, find_conditions
+from solve.constraints import AffineMap, Conditions, constrain, find_conditions
 from solve.contact.cells import Cells, find_cells
 from solve.contact.laws import Law, find_law, find_penalty, joined, stiffness_scale
 from solve.contact.mortar import Mortar, assemble_mortar, stacked
@@ -38,6 +38,7 @@ class Problem(NamedTuple):
     materials: Mapping[str, Material]
     passes: tuple[Pass, ...]
     mortar: Mortar  # the gaps of all passes below each other
+    conditions: Conditions  # what the supports prescribe
     allowed: AffineMap
     load: Array  # (dofs,)
     rigid: Array  # (dofs, k)
@@ -94,7 +95,7 @@ def prepare(model: Model, case: Solve) -> Problem:
     load = assemble_loads(space, case.load, case.body_force, covers).ravel()
     rigid = unsupported(space, conditions)
     check_pressed(space, rigid, mortar, load)
-    return Problem(case, space, materials, tuple(passes), mortar, allowed, load, rigid)
+    return Problem(case, space, materials, tuple(passes), mortar, conditions, allowed, load, rigid)
 
 
 def _passes(space: Space, materials: Mapping[str, Material], number: int, contact: Contact) -> list[Pass]:

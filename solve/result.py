@@ -3,11 +3,13 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from importlib import import_module
 from typing import Any
 
 import numpy as np
 
 from geom2iga.bspline import Array, Indices, Mask
+from geom2iga.display import counted, html_table
 from geom2iga.errors import CaseError
 from geom2iga.model import Model
 from geom2iga.patch import Face
@@ -15,6 +17,7 @@ from solve.case import Contact
 from solve.contact.pressure import pressure_space
 from solve.material import Material
 from solve.newton import Status, Step
+from solve.reactions import Reaction
 from solve.space import Space, number_control_points
 
 
@@ -107,11 +110,14 @@ class State:
         One per pass.
     load_factor : float
         Share of the loads.
+    reactions : tuple of Reaction
+        One per support.
     """
 
     displacement: Array
     contacts: tuple[ContactResult, ...] = ()
     load_factor: float = 1.0
+    reactions: tuple[Reaction, ...] = ()
 
     @property
     def pressure(self) -> Array:
@@ -190,7 +196,48 @@ class Result:
         space = pressure_space(self.space, contact.definition, contact.centres)
         return space.field(face, xi, spans, contact.rows, contact.pressure)
 
+    def plot(self, field: str = "von_mises", **options: Any) -> Any:
+        """Draw a field on the deformed bodies.
+
+        What draws, the package `post`, imports this one and not the other way round: so it is looked up only now, as
+        pandas looks up what plots its tables. Without it this raises ModuleNotFoundError.
+
+        Parameters
+        ----------
+        field : str
+            Such as ux, displacement_magnitude, stress_zz, von_mises, principal_1.
+        options
+            Those of `post.plots.plot`, such as units.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            Notebooks show it; its `savefig` writes it to a file.
+
+        Raises
+        ------
+        CaseError
+            The analysis has not converged.
+        """
+        return import_module("post.plots").plot(self, field, **options)
+
     def __repr__(self) -> str:
-        newton, dofs = self.statistics["newton_iterations"], self.statistics["dofs"]
+        newton, dofs = (
+            counted(self.statistics["newton_iterations"], "Newton step", "Newton steps"),
+            self.statistics["dofs"],
+        )
         forces = ", ".join(f"{np.linalg.norm(contact.force):.6g}" for contact in self.pairs) or "none"
-        return f"Result({self.status.name}, {dofs} dofs, {newton} Newton steps, contact force {forces})"
+        return f"Result({self.status.name}, {dofs} dofs, {newton}, contact force {forces})"
+
+    def _repr_html_(self) -> str:
+        head = ("contact of", "with", "force", "area", "overlap", "gaps closed")
+        rows = [
+            (
+                *(contact.definition.secondary, contact.definition.primary),
+                ", ".join(f"{component:.6g}" for component in contact.force + 0.0),
+                *(f"{contact.area:.6g}", f"{contact.penetration:.3g}"),
+                f"{contact.active.sum()} of {len(contact.active)}",
+            )
+            for contact in self.pairs
+        ]
+        return html_table(repr(self), head, rows)

@@ -18,6 +18,7 @@ from geom2iga.cad.mesh_route import Fitted
 from geom2iga.cad.topology import Topology, merged, read_topology
 from geom2iga.errors import CaseError, GeometryError, suggestion
 from geom2iga.model import Face, Part, side_faces
+from geom2iga.progress import tracked
 
 log = logging.getLogger("geom2iga")
 
@@ -179,7 +180,8 @@ def _exact(topology: Topology, part: PartTable, tags: Sequence[int], table: CadM
     faces = convert_faces(own, table.accuracy, table.exact)
     patches, ways = [], {}
     places: dict[Face, int] = {}
-    for name, solid in zip(_names(part.name, len(tags)), own.solids.values(), strict=True):
+    solids = zip(_names(part.name, len(tags)), own.solids.values(), strict=True)
+    for name, solid in tracked(solids, "volumes", len(tags)):
         spline, around = block_spline(own, solid, faces, axes)
         if max(spline.degrees) > table.max_degree:
             raise GeometryError(

@@ -15,6 +15,7 @@ from geom2iga.coons import coons
 from geom2iga.errors import GeometryError
 from geom2iga.glue import MEETS
 from geom2iga.patch import Patch
+from geom2iga.progress import tracked
 from geom2iga.projection import closest_points
 from geom2iga.sphere import closing_angle, find_turns, spherical_patch
 from geom2iga.spline import Spline, adapted, collocation, points_of, product, united
@@ -93,7 +94,7 @@ def convert_faces(topology: Topology, accuracy: float, exact: bool = True) -> di
     turns = _find_turns(topology, quads, arcs)
     edges = {tag: _turned(_normalised(edge.curve), turns.get(tag, 0.0)) for tag, edge in topology.edges.items()}
     result = {}
-    for tag, quad in quads.items():
+    for tag, quad in tracked(quads.items(), "faces"):
         sides = [(_along(edges, low), _along(edges, high)) for low, high in quad.sides]
         face = topology.faces[tag]
         spline = None

@@ -10,6 +10,7 @@ from geom2iga.cad.isolated import isolated
 from geom2iga.cad.mesh_route import fit_volumes
 from geom2iga.cad.topology import split_xao
 from geom2iga.errors import GeometryError
+from geom2iga.progress import progress
 
 PATIENCE = 300.0  # seconds that gmsh may take for a file
 
@@ -27,7 +28,8 @@ def read_cad(path: Path, table: Cad) -> CadSource:
     cad.check_file(path, table.trusted)
     _check_text(path)
     try:
-        source = isolated(_load, path.resolve(), table, seconds=PATIENCE)
+        with progress(f"gmsh reads {path.name}"):
+            source = isolated(_load, path.resolve(), table, seconds=PATIENCE)
     except GeometryError as error:
         raise GeometryError(f'"{path}": {error}') from None
     if not source.volumes and path.suffix.lower() in cad.IGES:

@@ -5,10 +5,12 @@ import os
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib import rc_context
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
@@ -22,12 +24,15 @@ if sys.platform == "linux":
 import pyvista
 
 Image = NDArray[np.uint8]
-SIZE = (1600, 1300)
-DPI = 200
-COMPRESSION = 3  # of PNG files: half the time of the usual 6, and as small
-COLOURS = "viridis"
+DPI = 200  # of files
+SHOWN = 100  # of pictures in notebooks
+SETTINGS: Mapping[str, Mapping[str, Any]] = {  # of each format: quick and as small as may be, and without the date
+    ".png": {"pil_kwargs": {"compress_level": 3}},
+    ".svg": {"metadata": {"Date": None}},
+    ".pdf": {"metadata": {"CreationDate": None}},
+}
+FILES: Any = {"svg.hashsalt": "geom2iga", "svg.fonttype": "none", "pdf.fonttype": 42}  # text stays text
 ABOVE = (1.0, -2.0, 0.9)  # seen from the front, right and above
-VIEW = [ABOVE, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)]
 FINER = 2  # pixels rendered for one of the image, along each side: smooth lines with any driver
 MARGIN = 12  # white around what is aimed at [pixels]
 
@@ -80,7 +85,7 @@ def screen(direction: Array) -> Array:
 class Layer:
     """A mesh and how pyvista draws it."""
 
-    mesh: pyvista.PolyData
+    mesh: pyvista.DataSet
     style: Mapping[str, Any]
 
 
@@ -105,42 +110,26 @@ def quadrilaterals(points: Array, cells: Indices, **fields: Any) -> pyvista.Poly
     return mesh
 
 
-def polylines(points: Sequence[Array]) -> pyvista.PolyData:
-    """Make a mesh of polylines, each through points (q, 3)."""
+def polylines(points: Sequence[Array], **fields: Any) -> pyvista.PolyData:
+    """Make a mesh of polylines, each through points (q, 3), with fields (q, ...) of all points."""
     starts = np.cumsum([0, *(len(line) for line in points)])
     lines = [
         np.concatenate([[len(line)], start + np.arange(len(line))]) for line, start in zip(points, starts, strict=False)
     ]
-    return pyvista.PolyData(np.concatenate(points), lines=np.concatenate(lines))
+    mesh = pyvista.PolyData(np.concatenate(points), lines=np.concatenate(lines))
+    for name, values in fields.items():
+        mesh[name] = values
+    return mesh
+
+
+def merged(meshes: Sequence[pyvista.PolyData]) -> pyvista.PolyData:
+    """Make one mesh of several; points at the same place stay apart."""
+    return meshes[0].append_polydata(*meshes[1:])
 
 
 def dots(points: Array) -> pyvista.PolyData:
     """Make a mesh of single points (q, 3)."""
     return pyvista.PolyData(points)
-
-
-def render(
-    surface: pyvista.PolyData,
-    limits: tuple[float, float],
-    lines: pyvista.PolyData,
-    outline: pyvista.PolyData | None,
-    width: float,
-) -> Image:
-    """Render a surface coloured by its "field", black lines on it, grey outlines around it; white margins are cut."""
-    plotter = _plotter(SIZE)
-    light = {"ambient": 0.85, "diffuse": 0.15, "specular": 0.0}  # near the colours of the bar, yet edges show
-    colours = {"scalars": "field", "cmap": COLOURS, "clim": limits, "show_scalar_bar": False}
-    _add(plotter, Layer(surface, {**colours, **light}))
-    _add(plotter, Layer(lines, {"color": "black", "line_width": width}))
-    if outline is not None:
-        _add(plotter, Layer(outline, {"color": "#666666", "line_width": 2}))
-    plotter.add_axes(line_width=5, color="black")
-    plotter.camera_position = VIEW
-    plotter.reset_camera()
-    image = _shot(plotter)
-    used = np.argwhere((image < 255).any(axis=2))
-    (top, left), (bottom, right) = used.min(axis=0), used.max(axis=0) + 1
-    return image[top:bottom, left:right]
 
 
 def seen(layers: Sequence[Layer], camera: Camera) -> Image:
@@ -152,15 +141,16 @@ def seen(layers: Sequence[Layer], camera: Camera) -> Image:
         widths = {key: FINER * layer.style[key] for key in ("line_width", "point_size") if key in layer.style}
         _add(plotter, Layer(layer.mesh, {**layer.style, **widths}))
     _aim(plotter, fine)
-    image = _shot(plotter).reshape(height, FINER, width, FINER, 3)
-    return np.round(image.mean(axis=(1, 3))).astype(np.uint8)
+    image = _shot(plotter)
+    total = np.zeros((height, width, 3), np.uint16)
+    for row, column in np.ndindex(FINER, FINER):
+        total += image[row::FINER, column::FINER]
+    return (total // FINER**2).astype(np.uint8)
 
 
 def seen_numbers(mesh: pyvista.PolyData, numbers: Indices, camera: Camera) -> Indices:
     """Find the number (>= 0) of the cell that is seen in each pixel (height, width), -1 where there is none."""
-    plotter = pyvista.Plotter(off_screen=True, window_size=list(camera.size))
-    plotter.disable_anti_aliasing()
-    plotter.render_window.SetMultiSamples(0)
+    plotter = _plotter(camera.size)
     plotter.set_background("black")
     codes = (numbers[:, None] + 1 >> np.array([16, 8, 0])) & 255
     plain = mesh.copy()
@@ -170,21 +160,30 @@ def seen_numbers(mesh: pyvista.PolyData, numbers: Indices, camera: Camera) -> In
     return _shot(plotter).astype(np.int64) @ np.array([65536, 256, 1]) - 1
 
 
+class Picture(Figure):
+    """A figure that notebooks show as it is, without matplotlib's way of keeping figures."""
+
+    def _repr_png_(self) -> bytes:
+        file = BytesIO()
+        self.savefig(file, format="png", dpi=SHOWN)
+        return file.getvalue()
+
+
 def save(figure: Figure, path: Path) -> None:
-    """Write a figure; the ending of the name says in which format."""
+    """Write a figure; the ending of the name says in which format. The same figure makes the same bytes."""
     engine = figure.get_layout_engine()
     if engine is not None:
         engine.execute(figure)  # once; matplotlib itself would draw all images to lay it out, then draw them again
         figure.set_layout_engine(None)
-    quick: dict[str, Any] = {"pil_kwargs": {"compress_level": COMPRESSION}} if path.suffix == ".png" else {}
-    with replacing(path) as temporary:
-        figure.savefig(temporary, dpi=DPI, **quick)
+    with replacing(path) as temporary, rc_context(FILES):
+        figure.savefig(temporary, dpi=DPI, **SETTINGS.get(path.suffix, {}))
 
 
 def _plotter(size: tuple[int, int]) -> pyvista.Plotter:
     plotter = pyvista.Plotter(off_screen=True, window_size=list(size), lighting="three lights")
     plotter.set_background("white")
-    plotter.enable_anti_aliasing("msaa", multi_samples=8)
+    plotter.disable_anti_aliasing()  # pixels are finer than those of the image instead
+    plotter.render_window.SetMultiSamples(0)
     plotter.enable_parallel_projection()
     return plotter
 
@@ -194,9 +193,9 @@ def _add(plotter: pyvista.Plotter, layer: Layer) -> None:
     actor = plotter.add_mesh(layer.mesh, **layer.style)
     if "Normals" in layer.mesh.point_data:
         actor.prop.interpolation = "Phong"
-    if layer.mesh.GetNumberOfPolys():
+    if layer.mesh.get_cell(0).dimension == 2:
         actor.mapper.SetResolveCoincidentTopologyToPolygonOffset()
-        actor.mapper.SetRelativeCoincidentTopologyPolygonOffsetParameters(1, 1)
+        actor.mapper.SetRelativeCoincidentTopologyPolygonOffsetParameters(1, 32)
 
 
 def _aim(plotter: pyvista.Plotter, camera: Camera) -> None:

@@ -14,7 +14,7 @@ from matplotlib.textpath import TextPath
 
 from geom2iga.bspline import Array
 from geom2iga.picture.labels import arranged
-from geom2iga.picture.scene import DPI, Camera, Image, screen
+from geom2iga.picture.scene import DPI, Camera, Image, Picture, screen
 
 NARROWEST = 1600.0  # page [pixels]
 POINTS = 9.5  # size of text
@@ -108,7 +108,7 @@ def _column_height(labels: Sequence[Label]) -> float:
 
 def sheet(width: float, height: float) -> tuple[Figure, Axes]:
     """Make a figure whose axes count pixels from its upper left corner."""
-    figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI)
+    figure = Picture(figsize=(width / DPI, height / DPI), dpi=DPI)
     axes = figure.add_axes((0, 0, 1, 1))
     axes.set_axis_off()
     axes.set_xlim(0, width)

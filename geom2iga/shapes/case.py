@@ -53,8 +53,8 @@ class Primitive(Body, ABC):
 class Cylinder(Primitive):
     """A solid cylinder that stands on its origin, or a sector of one; faces side, bottom, top, start, end."""
 
-    radius: Positive
-    height: Positive
+    radius: Positive = Field(description="its radius")
+    height: Positive = Field(description="its height")
     angle: Angle = Field(360.0, description="of the sector [degrees], from the x axis towards the y axis")
 
     def shape(self) -> Part:
@@ -67,7 +67,7 @@ class Pipe(Primitive):
 
     inner: Positive = Field(description="inner radius")
     outer: Positive = Field(description="outer radius")
-    height: Positive
+    height: Positive = Field(description="its height")
     angle: Angle = Field(360.0, description="of the sector [degrees], from the x axis towards the y axis")
 
     def shape(self) -> Part:
@@ -78,7 +78,7 @@ class Pipe(Primitive):
 class Sphere(Primitive):
     """A ball about its origin; face outside."""
 
-    radius: Positive
+    radius: Positive = Field(description="its radius")
 
     def shape(self) -> Part:
         """Build it about the origin of space."""
@@ -88,7 +88,7 @@ class Sphere(Primitive):
 class Hemisphere(Primitive):
     """Half a ball, its centre the origin, with a shank on its flat side or none; faces outside, flat, side."""
 
-    radius: Positive
+    radius: Positive = Field(description="its radius")
     height: Annotated[Number, Field(ge=0)] = Field(0.0, description="of the shank")
     flat: Literal["up", "down"] = Field("up", description="where the flat side looks")
 

@@ -9,6 +9,7 @@ from geom2iga.bspline import Array, Indices, Mask, find_spans, sharp_breaks
 from geom2iga.errors import CaseError
 from geom2iga.model import Model
 from geom2iga.patch import FLAT, Face, Patch
+from geom2iga.progress import tracked
 from geom2iga.projection import closest_points
 from solve.case import Contact
 from solve.contact.charts import FACING, frame_at
@@ -74,7 +75,8 @@ def find_cells(model: Model, contact: Contact) -> tuple[Cells, ...]:
     if both:
         raise CaseError(f'secondary and primary are both on body "{both.pop()}": contact needs two bodies')
     make = segment_cells if contact.integration == "segment" else element_cells
-    parts = (part for face in secondary for part in make(face, primary, contact.points, contact.reach))
+    faces = tracked(secondary, "secondary faces")
+    parts = (part for face in faces for part in make(face, primary, contact.points, contact.reach))
     cells = tuple(part for part in parts if len(part.area))
     if not cells:
         names = f'"{contact.secondary}" and "{contact.primary}"'
@@ -168,7 +170,7 @@ def segment_cells(
         Largest gap that is looked at [length]: cells all beyond it are left out. Left out, any.
     """
     near = [surface for surface in primary if may_lie_opposite(secondary, surface)]
-    parts = [(surface, _cut_cells(secondary, surface, points, reach)) for surface in near]
+    parts = [(surface, _cut_cells(secondary, surface, points, reach)) for surface in tracked(near, "primary faces")]
     opposite = [(surface, part) for surface, part in parts if part is not None and len(part.area)]
     return tuple(_seen(secondary, surface, part, [other for other, _ in opposite]) for surface, part in opposite)
 

@@ -10,6 +10,7 @@ from scipy.sparse import csr_array, vstack
 
 from geom2iga.bspline import Array, Indices
 from geom2iga.patch import CHUNK, chunks, evaluate
+from geom2iga.progress import tracked
 from solve.case import Contact
 from solve.contact.cells import Cells
 from solve.contact.pressure import pressure_space
@@ -71,8 +72,8 @@ def assemble_mortar(space: Space, contact: Contact, cells: Sequence[Cells]) -> M
     pressures = pressure_space(space, contact, np.concatenate([part.points for part in cells]))
     operator = csr_array((pressures.size, space.dofs))
     area, gap, first = np.zeros(pressures.size), np.zeros(pressures.size), np.zeros((pressures.size, 3))
-    before = 0
-    for part, runs in (some for each in cells for some in _runs(space, each, pressures.pointwise)):
+    before, pairs = 0, tracked(cells, "contact integrals")
+    for part, runs in (some for each in pairs for some in _runs(space, each, pressures.pointwise)):
         functions = pressures.functions(part, before)
         operator = operator + _products(space, part, functions, runs)
         weighted = functions.T.tocsr() * part.area[None, :]

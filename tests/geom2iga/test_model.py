@@ -76,9 +76,31 @@ def test_a_block_has_no_seventh_face(axis, side):
 
 
 def test_a_model_says_what_it_holds():
-    assert repr(model_of(block_patch("lower"), block_patch("upper"))) == (
-        "Model(bodies lower, upper; 2 patches, 12 face groups)"
+    patches = [block_patch(name, spans=(2, 1, 1)) for name in ("lower", "up<per")]
+    model = model_of(*patches)
+    first, lower, upper = repr(model).splitlines()
+    assert first == "Model(2 bodies, 2 patches, 24 control points)"
+    assert lower.startswith(
+        "  lower: degree 1, 2 x 1 x 1 spans, 12 control points in a box of 1 x 1 x 1; faces lower/left, "
     )
+    assert upper.endswith("up<per/top")
+    html = model._repr_html_()
+    assert html.count("<tr>") == 3
+    assert "up&lt;per/top" in html
+    assert "up<per" not in html
+
+
+def test_a_model_of_many_bodies_shows_the_first_and_counts_the_rest():
+    model = model_of(*(block_patch(f"b{number}") for number in range(40)))
+    *_, last = lines = repr(model).splitlines()
+    assert len(lines) < 20
+    assert last == f"  and {40 - len(lines) + 2} more"
+
+
+def test_a_model_says_which_faces_are_glued():
+    whole = Model(**two_blocks(), glued=(Glued(TOP, BOTTOM, 0),))
+    assert "1 pair of glued faces" in repr(whole)
+    assert "both: 2 patches" in repr(whole)
 
 
 def test_a_curve_is_no_body():

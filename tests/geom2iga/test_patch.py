@@ -21,7 +21,7 @@ from geom2iga.patch import (
     reversed_along,
     surface,
 )
-from tests.cases import block_patch, sample_points
+from tests.cases import block_patch, hollow_cylinder, sample_points
 from tests.oracles import assert_round_trip, assert_same_map, assert_same_patch, assert_tangent
 from tests.strategies import SEEDS, bent_patches, patches, rotations
 
@@ -321,6 +321,9 @@ def test_a_knot_inserted_too_often_or_outside_is_refused():
 
 
 def test_a_patch_says_what_it_is():
-    assert repr(block_patch("punch", degree=(1, 2, 3), spans=(2, 1, 4))) == (
-        "Patch('punch', degrees (1, 2, 3), 2 x 1 x 4 spans, 63 control points)"
+    patch = block_patch("punch", degree=(1, 2, 3), spans=(2, 1, 4))
+    assert repr(patch) == (
+        "Patch('punch', degrees (1, 2, 3), 2 x 1 x 4 spans, polynomial, 63 control points in a box of 1 x 1 x 1)"
     )
+    assert "rational" in repr(hollow_cylinder())
+    assert "punch" in patch._repr_html_()

@@ -31,7 +31,7 @@ def test_every_sample_point_is_evaluated_and_every_contact_searched_once(bent, t
         {"quantity": "stress_zz", "on": "lower", "value": 0.0, "tolerance": 9.0},
         {"quantity": "gap", "value": 0.0, "tolerance": 9.0},
     ]
-    export(bent, {"post": {"samples": 3, "pictures": False}, "verify": checks}, tmp_path)
+    export(bent, {"post": {"samples": 3, "pictures": False, "report": False}, "verify": checks}, tmp_path)
     assert seen["_evaluate_brick"] == sum(count_points(patch, 3)[0] for patch in bent.model.patches.values())
     assert seen["nearest_feet"] == 1
 

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -44,6 +46,17 @@ def test_values_at_the_end_of_a_span_are_those_from_inside(case):
     inside[:, 0] = np.clip(inside[:, 0], left + 1e-9, right - 1e-9)
     np.testing.assert_allclose(at_ends, sample_at(result, "upper", inside, grid.spans).stress, atol=1e-6)
     assert np.abs(at_ends - sample_at(result, "upper", grid.xi).stress).max() > 1e-2  # the stress does jump
+
+
+def test_where_the_map_is_singular_there_is_a_place_and_a_displacement_but_no_stress(bent):
+    patch = bent.model.patches["upper"]
+    flat = patch.control_points.copy()
+    flat[-1] = flat[-1, :1, :1]
+    model = replace(bent.model, patches={**bent.model.patches, "upper": replace(patch, control_points=flat)})
+    part = sample_at(replace(bent, model=model), "upper", np.array([[0.5, 0.5, 0.5], [1.0, 0.5, 0.5]]))
+    assert np.isfinite(part.points).all()
+    assert np.isfinite(part.displacement).all()
+    assert np.isnan(part.stress).all(axis=1).tolist() == [False, True]
 
 
 def test_a_face_is_sampled_where_the_body_ends(bent):

@@ -17,12 +17,16 @@ FILES = {
     "solution.h5",
     "bodies.vtu",
     "contact.vtu",
+    "bezier.vtu",
     "displacement.png",
     "stress.png",
     "contact_pressure.png",
+    "contact_plane.png",
     "newton.png",
     "summary.json",
+    "report.html",
     "history.csv",
+    "reactions.csv",
     "log.txt",
 }
 
@@ -222,14 +226,18 @@ def test_a_wrong_case_ends_with_one_sentence_and_its_exit_code(tmp_path, capsys,
 def test_objects_alone_make_a_sweep_without_files(tmp_path):
     case = geom2iga.read_case(CASE)
     for penalty in (1e4, 1e6):
-        varied = case.changed({"solve.contact.0.penalty": penalty, "post.pictures": False, "verify": []})
+        varied = case.changed(
+            {"solve.contact.0.penalty": penalty, "post": {"pictures": False, "report": False}, "verify": []}
+        )
         result = solve.solve(geom2iga.build(varied), varied)
         summary = post.export(result, varied, tmp_path / str(penalty))
         assert summary["contact"][0]["penalty"] == penalty
     assert {path.name for path in (tmp_path / "10000.0").iterdir()} == {
         "bodies.vtu",
+        "bezier.vtu",
         "contact.vtu",
         "history.csv",
+        "reactions.csv",
         "summary.json",
     }
 

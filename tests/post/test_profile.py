@@ -3,8 +3,9 @@ from math import inf
 import numpy as np
 import pytest
 
+from geom2iga.tables import Units
 from post.exact import HertzSpheres
-from post.plots import draw_profile
+from post.plots import Curve, draw_profile
 from post.profile import Profile, pressure_profile
 
 EXACT = HertzSpheres(0.6, (10.0, inf), (1000.0, 1000.0), (0.3, 0.3))
@@ -32,13 +33,13 @@ def test_a_profile_is_cut_off_at_a_distance():
 
 
 def test_a_profile_is_drawn_as_points_on_the_curve():
-    figure = draw_profile(*sampled(), EXACT.pressure, "mm", "N/mm²")
+    figure = draw_profile([Curve("computed", *sampled())], EXACT.pressure, Units(length="mm", force="N"))
     (axes,) = figure.axes
     curve, points = axes.lines
     assert len(points.get_xdata()) == 4001
     np.testing.assert_allclose(curve.get_ydata(), EXACT.pressure(curve.get_xdata()))
     assert axes.get_xlabel() == "distance [mm]"
-    assert axes.get_ylabel() == "contact pressure [N/mm²]"
+    assert axes.get_ylabel() == "contact pressure $p$ [N/mm²]"
 
 
 def test_the_profile_of_the_patch_test_is_flat(patch_test):

@@ -1,0 +1,39 @@
+"""The case that --new writes: two blocks in contact, every common key explained."""
+
+import json
+import logging
+from collections.abc import Mapping
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from geom2iga.errors import CaseError
+
+CASE, SCHEMA = "case.toml", "case.schema.json"
+
+log = logging.getLogger("geom2iga")
+
+
+def write_starter(folder: Path, schema: Mapping[str, Any], program: str) -> None:
+    """Write a case file, and beside it the schema by which editors complete its keys.
+
+    Raises
+    ------
+    CaseError
+        One of the files is there already.
+    """
+    for name in (CASE, SCHEMA):
+        if (folder / name).exists():
+            raise CaseError(f"{folder / name} is there already and stays as it is: name another folder")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except FileExistsError:
+        raise CaseError(f"{folder} is a file: name a folder") from None
+    (folder / CASE).write_text(starter(), encoding="utf-8")
+    (folder / SCHEMA).write_text(json.dumps(schema, indent=2) + "\n", encoding="utf-8")
+    log.info("%s is ready; next: %s %s", folder / CASE, program, folder / CASE)
+
+
+def starter() -> str:
+    """Return the text of the case file."""
+    return (files("geom2iga") / "starter.toml").read_text(encoding="utf-8")

@@ -1,0 +1,182 @@
+"""Pressure and gap of contacts in the parameter plane of the secondary faces."""
+
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from geom2iga.bspline import Array, Mask
+from geom2iga.patch import Face, Patch
+from geom2iga.picture.scene import Picture
+from geom2iga.projection import closest_points
+from geom2iga.tables import Units
+from post.fields import ContactSamples, Samples
+from post.grid import Line, sample_grid
+from post.plots.contact import CONTACT_FIELDS, EDGE, contact_scale, secondary_faces
+from post.plots.deformation import size_of
+from post.plots.page import draw_bar
+from post.plots.style import NO_UNITS, PALE, POINTS, Scale
+from solve.face import area_vectors, surface_of
+from solve.result import Result
+
+Style = dict[str, Any]
+PIXELS = 400  # of the image of a face, along each side
+ALONG = 401  # points of a knot line of the primary side
+MOST = 6  # faces drawn: those with the largest pressures
+AROUND = 0.3  # what is seen around the contact zone, in sizes of the zone
+PANEL = (3.4, 3.0)  # size [inches]
+OWN: Style = {"color": "black", "linewidth": 0.4}
+OTHER: Style = {"color": "black", "linewidth": 0.8, "linestyle": (0, (5, 3))}
+RIM: Style = {"color": "#d55e00", "linewidth": 2.0}
+
+
+class Window(NamedTuple):
+    """The part of the parameter plane of a face that is drawn: places in each direction, fields (PIXELS, PIXELS)."""
+
+    face: Face
+    places: tuple[Array, Array]
+    fields: dict[str, Array]
+
+    @property
+    def extent(self) -> tuple[float, float, float, float]:
+        """First and last place in both directions."""
+        first, second = self.places
+        return float(first[0]), float(first[-1]), float(second[0]), float(second[-1])
+
+
+def draw_contact_plane(samples: Samples, units: Units = NO_UNITS, faces: Sequence[Face] | None = None) -> Figure:
+    """Draw pressure and gap over the parameters of secondary faces, for the contact zone and what is around it.
+
+    Full lines are the knot lines of a face, dashed ones those of the faces opposite; the thick line is the edge of
+    contact, where a hundredth of the largest pressure is left.
+
+    Parameters
+    ----------
+    samples : Samples
+    units : Units
+    faces :
+        Which to draw; left out, those that bear most, at most six.
+    """
+    result, parts = samples.result, dict(zip(secondary_faces(samples.result), samples.secondary, strict=True))
+    edge = EDGE * max(float(part.pressure.max()) for part in parts.values())
+    windows = [_window(samples, face, parts[face], edge) for face in faces or _most_pressed(parts, edge)]
+    figure = Picture(figsize=(2 * PANEL[0] + 1.6, 0.6 + PANEL[1] * len(windows)), layout="constrained")
+    panels = figure.subplots(len(windows), 2, squeeze=False)
+    for column, (name, field) in zip(panels.T, CONTACT_FIELDS.items(), strict=True):
+        values = np.concatenate([window.fields[name].ravel() for window in windows])
+        scale = contact_scale(values, name, size_of(result))
+        for axes, window in zip(column, windows, strict=True):
+            _draw_window(axes, window, name, scale)
+        draw_bar(figure, scale, field.label(units), ax=column.tolist())
+    for row, window in zip(panels, windows, strict=True):
+        _draw_lines(row, result, window, edge)
+    styles = {"knot lines": OWN, "knot lines opposite": OTHER, "edge of contact": RIM}
+    texts = [text for text in styles if styles[text] is not RIM or any(_has_edge(each, edge) for each in windows)]
+    handles = [Line2D([], [], **styles[text]) for text in texts]
+    figure.legend(handles, texts, loc="outside lower center", ncols=3, frameon=False, fontsize=POINTS - 0.5)
+    return figure
+
+
+def _most_pressed(parts: dict[Face, ContactSamples], edge: float) -> list[Face]:
+    """Faces with pressure, the largest first; where there is none, the first face."""
+    largest = {face: float(part.pressure.max()) for face, part in parts.items()}
+    found = sorted((face for face in parts if largest[face] > edge), key=lambda face: -largest[face])
+    return found[:MOST] or list(parts)[:1]
+
+
+def _window(samples: Samples, face: Face, part: ContactSamples, edge: float) -> Window:
+    """Find the contact zone of a face, and its fields at equal distances there."""
+    grid = sample_grid(samples.result.model.surface(face), samples.count)
+    zone = (part.pressure > edge).reshape(grid.shape)
+    pixels = [_pixels(line, np.atleast_1d(zone.any(axis=1 - axis))) for axis, line in enumerate(grid.lines)]
+    fields = {name: _between(getattr(part, name).reshape(grid.shape), grid.lines, pixels) for name in CONTACT_FIELDS}
+    return Window(face, (pixels[0], pixels[1]), fields)
+
+
+def _pixels(line: Line, pressed: Mask) -> Array:
+    """Places along one direction, in the contact zone and around it; everywhere if there is none."""
+    points = line.rule.points
+    inside = points[pressed] if pressed.any() else points
+    around = AROUND * (inside[-1] - inside[0])
+    return np.linspace(max(points[0], inside[0] - around), min(points[-1], inside[-1] + around), PIXELS)
+
+
+def _between(values: Array, lines: Sequence[Line], places: Sequence[Array]) -> Array:
+    """Interpolate values on a grid of sample points bilinearly; spans have their own points at breaks."""
+    for axis, (line, at) in enumerate(zip(lines, places, strict=True)):
+        points = line.rule.points
+        below = np.clip(np.searchsorted(points, at, "right") - 1, 0, len(points) - 2)
+        width = points[below + 1] - points[below]
+        share = np.divide(at - points[below], width, out=np.zeros(len(at)), where=width > 0)
+        share = np.expand_dims(share, 1 - axis)
+        values = (1 - share) * values.take(below, axis) + share * values.take(below + 1, axis)
+    return values
+
+
+def _has_edge(window: Window, edge: float) -> bool:
+    """Whether contact ends in a window."""
+    pressure = window.fields["pressure"]
+    return bool(pressure.min() < edge < pressure.max())
+
+
+def _draw_window(axes: Axes, window: Window, name: str, scale: Scale) -> None:
+    """Draw a field, grey where it is no number."""
+    axes.imshow(
+        window.fields[name].T,
+        cmap=scale.colours.with_extremes(bad=PALE),
+        clim=scale.limits,
+        extent=window.extent,
+        origin="lower",
+        aspect="auto",
+        interpolation="bilinear",
+    )
+
+
+def _draw_lines(row: Sequence[Axes], result: Result, window: Window, edge: float) -> None:
+    """Draw the knot lines of both sides and the edge of contact, and name the axes."""
+    surface = surface_of(result.model, window.face)
+    others = list(_opposite(result, window))
+    grey = np.isnan(window.fields["gap"]).any()
+    for axes in row:
+        for at, draw in zip(surface.patch.breaks, (axes.axvline, axes.axhline), strict=True):
+            for place in at:
+                draw(place, **OWN)
+        for line in others:
+            axes.plot(*line.T, **OTHER)
+        if _has_edge(window, edge):
+            rim = {"colors": RIM["color"], "linewidths": RIM["linewidth"]}
+            axes.contour(*window.places, window.fields["pressure"].T, levels=[edge], **rim)
+        axes.set(xlim=window.extent[:2], ylim=window.extent[2:])
+        first, second = (f"$\\xi_{axis + 1}$" for axis in window.face.axes)
+        axes.set_xlabel(first, fontsize=POINTS)
+        axes.set_ylabel(second, fontsize=POINTS)
+        axes.tick_params(labelsize=POINTS - 0.5)
+        name = surface.name.strip('"').replace("$", r"\$")
+        axes.set_title(f"{name}; grey: nothing opposite" if grey else name, fontsize=POINTS)
+
+
+def _opposite(result: Result, window: Window) -> Iterator[Array]:
+    """Yield the knot lines of the primary faces as parameters (q, 2) of the secondary face, with gaps outside it."""
+    surface = surface_of(result.model, window.face)
+    for contact in result.contacts:
+        if window.face not in result.model.faces(contact.definition.secondary):
+            continue
+        for other in (surface_of(result.model, face) for face in result.model.faces(contact.definition.primary)):
+            xi = _on_knot_lines(other.patch)
+            points, normal, _ = area_vectors(other, xi.reshape(-1, 2))
+            feet = closest_points(surface.patch, points)
+            facing = np.einsum("qk,qk->q", normal, area_vectors(surface, feet.xi)[1]) < 0
+            yield from np.where((feet.inside & facing)[:, None], feet.xi, np.nan).reshape(xi.shape)
+
+
+def _on_knot_lines(patch: Patch) -> Array:
+    """Parameters (lines, ALONG, 2) of points on all knot lines of a surface."""
+    lines = []
+    for axis, (at, other) in enumerate(zip(patch.breaks, patch.breaks[::-1], strict=True)):
+        along = np.linspace(other[0], other[-1], ALONG)
+        pair = np.broadcast_arrays(at[:, None], along)
+        lines.append(np.stack(pair if axis == 0 else pair[::-1], axis=-1))
+    return np.concatenate(lines)
