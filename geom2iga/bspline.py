@@ -121,6 +121,18 @@ def insertion(knots: Array, degree: int, inserted: ArrayLike) -> tuple[Array, cs
     return refined, _banded(spans - degree, values, len(knots) - degree - 1)
 
 
+def extraction(knots: Array, degree: int) -> csr_array:
+    """Take the coefficients of a spline to Bernstein's of all spans (Borden, Scott, Evans & Hughes 2011).
+
+    Returns
+    -------
+    (degree s + 1, n)
+        For s spans; the last coefficient of one is the first of the next.
+    """
+    inner, counts = np.unique(knots[degree + 1 : -degree - 1], return_counts=True)
+    return insertion(knots, degree, np.repeat(inner, np.maximum(degree - counts, 0)))[1]
+
+
 def elevation(knots: Array, degree: int, times: int = 1) -> tuple[Array, csr_array]:
     """Raise the degree, keeping the function and its smoothness.
 

@@ -207,12 +207,10 @@ def _coefficients(tree: Tree, points: Array, place: Indices, extractions: Sequen
 
 
 def _extraction(knots: Array, degree: int) -> Array:
-    """Matrices (s, p + 1, p + 1) that take the coefficients of each span to Bernstein's (Borden et al. 2011)."""
-    at, counts = np.unique(knots, return_counts=True)
-    missing = np.maximum(degree - counts, 0)
-    matrix = bspline.insertion(knots, degree, np.repeat(at, missing))[1].toarray()
-    rows = degree * np.arange(len(at) - 1)[:, None] + np.arange(degree + 1)
-    columns = find_spans(knots, degree, at[:-1])[:, None] + np.arange(-degree, 1)
+    """Matrices (s, p + 1, p + 1) that take the coefficients of each span to Bernstein's."""
+    matrix, spans = bspline.extraction(knots, degree).toarray(), find_spans(knots, degree, bspline.breaks(knots)[:-1])
+    rows = degree * np.arange(len(spans))[:, None] + np.arange(degree + 1)
+    columns = spans[:, None] + np.arange(-degree, 1)
     return matrix[rows[:, :, None], columns[:, None, :]]
 
 

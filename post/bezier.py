@@ -22,7 +22,7 @@ from vtkmodules.vtkCommonDataModel import (
 )
 from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
 
-from geom2iga.bspline import Array, Indices, applied, insertion
+from geom2iga.bspline import Array, Indices, applied, extraction
 from geom2iga.files import replacing
 from geom2iga.model import Model
 from geom2iga.patch import Patch
@@ -54,12 +54,6 @@ def extracted(patch: Patch, values: Array) -> tuple[Array, Array]:
         homogeneous = applied(extraction(knots, degree), homogeneous, axis)
     rows = homogeneous.reshape(-1, homogeneous.shape[-1])
     return rows[:, :-1] / rows[:, -1:], rows[:, -1]
-
-
-def extraction(knots: Array, degree: int) -> Any:
-    """Bézier coefficients from those of a spline: a sparse matrix (degree spans + 1, n)."""
-    inner, counts = np.unique(knots[degree + 1 : -degree - 1], return_counts=True)
-    return insertion(knots, degree, np.repeat(inner, degree - counts))[1]
 
 
 def elements(patch: Patch) -> Indices:

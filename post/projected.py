@@ -127,9 +127,9 @@ class _Part:
         grid = np.ascontiguousarray(coefficients.T).reshape(-1, *self.shape) * self.scaling
         found = np.zeros_like(grid)
         for brick, density in zip(self.bricks, self.densities, strict=True):
-            values = values_of(brick, grid[:, *brick.functions])
+            values = brick.evaluated(grid[:, *brick.functions])
             values *= density
-            found[:, *brick.functions] += moments_of(brick, values)
+            found[:, *brick.functions] += brick.moments(values)
         found *= self.scaling
         return found.reshape(len(found), -1).T
 
@@ -185,13 +185,13 @@ def _part(patch: Patch, numbers: Indices, size: int, field: Iterable[Sampled]) -
     moments, diagonal = np.zeros((0, *patch.shape)), np.zeros((1, *patch.shape))
     for brick, volume, values in field:
         box = brick.functions
-        weight = values_of(brick, factors[None, *box])[0]
+        weight = brick.evaluated(factors[None, *box])[0]
         if not bricks:
             moments = np.zeros((values.shape[1], *patch.shape))
-        moments[:, *box] += moments_of(brick, np.ascontiguousarray(values.T) * (volume / weight))
+        moments[:, *box] += brick.moments(np.ascontiguousarray(values.T) * (volume / weight))
         bricks.append(brick)
         densities.append(volume / weight**2)
-        diagonal[:, *box] += moments_of(squared(brick), densities[-1][None])
+        diagonal[:, *box] += squared(brick).moments(densities[-1][None])
     return _Part(
         patch.shape,
         numbers,
@@ -217,21 +217,3 @@ def squared(brick: Brick) -> Brick:
     """The brick with the squares of its functions in their place."""
     first, second, third = (piece._replace(values=piece.values**2) for piece in brick.pieces)
     return Brick((first, second, third))
-
-
-def values_of(brick: Brick, coefficients: Array) -> Array:
-    """Evaluate splines of coefficients (k, n_1, n_2, n_3) at all points of a brick: (k, q)."""
-    first, second, third = (piece.values for piece in brick.pieces)
-    count, n1, n2, n3 = coefficients.shape
-    along = (coefficients.reshape(-1, n3) @ third.T).reshape(count * n1, n2, len(third))
-    across = (second @ along).reshape(count, n1, -1)
-    return (first @ across).reshape(count, -1)
-
-
-def moments_of(brick: Brick, values: Array) -> Array:
-    """Transpose of `values_of`: sum up functions times values (k, q) at all points, (k, n_1, n_2, n_3)."""
-    first, second, third = (piece.values for piece in brick.pieces)
-    count, (q1, n1), (q2, n2), n3 = len(values), first.shape, second.shape, third.shape[1]
-    across = (first.T @ values.reshape(count, q1, -1)).reshape(count * n1, q2, len(third))
-    along = (second.T @ across).reshape(-1, len(third)) @ third
-    return along.reshape(count, n1, n2, n3)

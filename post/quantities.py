@@ -6,7 +6,6 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from geom2iga.bspline import Array
-from geom2iga.tables import Units
 from post.fields import BodySamples
 from solve.material import VOIGT
 
@@ -34,10 +33,10 @@ class Quantity(NamedTuple):
     values: Callable[[BodySamples], Array]
     signed: bool = True
 
-    def label(self, units: Units) -> str:
-        """Title, symbol and unit, for an axis or a colour bar."""
-        unit = getattr(units, self.dimension)
-        return f"{self.title} ${self.symbol}$" + (f" [{unit}]" if unit else "")
+    @property
+    def label(self) -> str:
+        """Title and symbol, for an axis or a colour bar."""
+        return f"{self.title} ${self.symbol}$"
 
 
 def _displacement(axis: int) -> Quantity:

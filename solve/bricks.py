@@ -143,12 +143,21 @@ class Brick:
         along[:, :, :q3] += np.matmul(d2.T, across[:, 1], out=empty((count * n1, n2, q3), fluxes.dtype))
         return (along.reshape(-1, 2 * q3) @ self._third).reshape(count, n1, n2, n3)
 
-    def moments(self, values: Floats) -> Floats:
-        """Sum up functions times values (q,) at all points: (n_1, n_2, n_3)."""
+    def evaluated(self, coefficients: Floats) -> Floats:
+        """Evaluate splines of coefficients (c, n_1, n_2, n_3) at all points: (c, q)."""
         first, second, third = (piece.values for piece in self.pieces)
-        along = values.reshape(-1, len(third)) @ third
-        across = second.T @ along.reshape(len(first), len(second), -1)
-        return (first.T @ across.reshape(len(first), -1)).reshape(-1, second.shape[1], third.shape[1])
+        count, n1, n2, n3 = coefficients.shape
+        along = (coefficients.reshape(-1, n3) @ third.T).reshape(count * n1, n2, len(third))
+        across = (second @ along).reshape(count, n1, -1)
+        return (first @ across).reshape(count, -1)
+
+    def moments(self, values: Floats) -> Floats:
+        """Transpose of `evaluated`: sum up functions times values (c, q) at all points, (c, n_1, n_2, n_3)."""
+        first, second, third = (piece.values for piece in self.pieces)
+        count, (q1, n1), (q2, n2), (q3, n3) = len(values), first.shape, second.shape, third.shape
+        across = (first.T @ values.reshape(count, q1, -1)).reshape(count * n1, q2, q3)
+        along = (second.T @ across).reshape(-1, q3) @ third
+        return along.reshape(count, n1, n2, n3)
 
 
 def find_bricks(patch: Patch, rules: Rules, precision: DTypeLike = float, spans: int = SPANS) -> Iterator[Brick]:

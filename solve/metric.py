@@ -80,7 +80,7 @@ def shares_of(patch: Patch, rules: Rules) -> Array:
         return np.linalg.det(middle_jacobian(patch)) * first[:, None, None] * second[:, None] * third
     for brick in find_bricks(patch, rules):
         _, determinant, weight, _ = map_of(brick, patch)
-        shares[brick.functions] += brick.moments(determinant * brick.weights / weight)
+        shares[brick.functions] += brick.moments((determinant * brick.weights / weight)[None])[0]
     return shares * scaling(patch)
 
 

@@ -99,11 +99,10 @@ def draw_bodies(
     style = {**LINE, "line_width": width}
     layers = [coloured(_moved(surfaces, scale), colours), Layer(_moved(lines, scale), style)]
     direction = ABOVE if cut is None else cutting.view_of(cut.normal)
-    title = f"{quantity.title} ${quantity.symbol}$"
-    above = f"{title}: {colours.remark}" if colours.remark else ""
+    above = f"{quantity.label}: {colours.remark}" if colours.remark else ""
     below = f"displacements drawn {scale:g} times" if scale != 1 else "displacements drawn to scale"
     return draw_page(
-        layers, direction, colours, Label(title, getattr(units, quantity.dimension)), Remarks(above, below)
+        layers, direction, colours, Label(quantity.label, getattr(units, quantity.dimension)), Remarks(above, below)
     )
 
 

@@ -107,11 +107,7 @@ def _draw_fields(x: Array, fields: Mapping[str, Array], along: Label, units: Uni
     found = {name: keys for name, keys in found.items() if keys}
     figure, every = panels(len(found))
     for axes, (dimension, keys) in zip(every, found.items(), strict=True):
-        draw_curves(axes, [Curve(_title(key), x, fields[key]) for key in keys], markers)
-        title = _title(keys[0]) if len(keys) == 1 else DIMENSIONS[dimension]
+        draw_curves(axes, [Curve(QUANTITIES[key].label, x, fields[key]) for key in keys], markers)
+        title = QUANTITIES[keys[0]].label if len(keys) == 1 else DIMENSIONS[dimension]
         write_labels(axes, along if axes is every[-1] else None, Label(title, getattr(units, dimension)))
     return figure
-
-
-def _title(key: str) -> str:
-    return f"{QUANTITIES[key].title} ${QUANTITIES[key].symbol}$"

@@ -6,9 +6,10 @@ from vtkmodules.vtkCommonCore import reference
 from vtkmodules.vtkCommonDataModel import VTK_BEZIER_HEXAHEDRON
 from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader
 
+from geom2iga.bspline import extraction
 from geom2iga.patch import Patch, evaluate
 from post import bezier
-from post.bezier import bezier_grid, extracted, extraction, write_bezier
+from post.bezier import bezier_grid, extracted, write_bezier
 from post.fields import sample_at
 from post.projected import project_stress
 from tests.cases import bent_patch, block_patch, hollow_cylinder, model_of

@@ -3,7 +3,6 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from geom2iga.tables import Units
 from post.case import Scalar
 from post.fields import sample_patch
 from post.quantities import QUANTITIES
@@ -28,12 +27,6 @@ def test_principal_stresses_are_those_of_the_characteristic_polynomial(bent):
     np.testing.assert_allclose(largest + middle + smallest, -3 * mean, atol=1e-12 * size)
     differences = (largest - middle) ** 2 + (middle - smallest) ** 2 + (smallest - largest) ** 2
     np.testing.assert_allclose(QUANTITIES["von_mises"].values(part) ** 2, differences / 2, atol=1e-12 * size**2)
-
-
-def test_labels_have_units_where_the_case_has_them():
-    assert QUANTITIES["von_mises"].label(Units(length="mm", force="N")).endswith("[N/mm²]")
-    assert QUANTITIES["uz"].label(Units(length="mm", force="N")).endswith("[mm]")
-    assert "[" not in QUANTITIES["principal_1"].label(Units(length="mm"))
 
 
 @pytest.mark.parametrize("name", QUANTITIES)
