@@ -81,12 +81,13 @@ class Faces(Selector):
 
 
 class Grading(Table):
-    """Spans that grow away from named faces."""
+    """Spans that grow away from named faces, in a geometric sequence."""
 
     toward: str = Field(description="faces where the spans are smallest, such as bottom")
     ratio: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=1)] = Field(
         description="largest span over smallest"
     )
+    equal: Count = Field(1, description="so many spans next to the faces are of one size, before they grow")
 
 
 Gradings = Annotated[

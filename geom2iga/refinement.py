@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 from math import prod
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,6 +21,16 @@ LINES = (0.0, 0.25, 0.5, 0.75, 1.0)  # where in the other directions lengths are
 MOST_SPANS = 10_000  # along one direction of a patch
 MOST_POINTS = 100_000_000  # of a body: three gigabytes of coordinates and weights
 LONGER = 1e-4  # by which a span may exceed the size asked for: what those points leave open
+
+
+class Growth(NamedTuple):
+    """How spans grow from the faces where they are smallest."""
+
+    ratio: float  # largest over smallest
+    equal: int  # so many next to the faces are of one size
+
+
+Ends = tuple[Growth | None, Growth | None]  # of the beginning and of the end of a direction
 
 
 def meshed(
@@ -44,14 +55,14 @@ def meshed(
     Raises
     ------
     CaseError
-        A grading toward faces that do not exist, or toward both ends of one direction.
+        A grading toward faces that do not exist, or two different ones toward one end of a direction.
     """
-    toward = _graded_ends(mesh.grading, faces)
+    toward = _graded_faces(mesh.grading, faces)
 
     def choose(edges: list[Edge], degree: int, knots: Array) -> tuple[int, Array]:
         wanted = max(degree, *(degrees[edge.axis] for edge in edges))
-        ratio = _ratio(edges, patches, toward)
-        inner = _break_points(breaks(knots), edges, patches, mesh, ratio)
+        ends = _ends(edges, patches, toward)
+        inner = _break_points(breaks(knots), edges, patches, mesh, ends)
         return united([(degree, knots), (wanted, open_knots(inner, wanted))])
 
     spaces = respaced(patches, glued, choose)
@@ -66,36 +77,37 @@ def _check_size(spaces: Sequence[Sequence[tuple[int, Array]]]) -> None:
         raise CaseError(f"the mesh asks for {points:.3g} control points, more than {MOST_POINTS:.0g}: take fewer spans")
 
 
-def _graded_ends(gradings: Sequence[Grading], faces: Mapping[str, Sequence[Face]]) -> dict[Face, float]:
-    """Find the faces at which spans are to be smallest, and by which ratio."""
-    ends: dict[Face, float] = {}
+def _graded_faces(gradings: Sequence[Grading], faces: Mapping[str, Sequence[Face]]) -> dict[Face, Growth]:
+    """Find the faces at which spans are to be smallest, and how they grow from there."""
+    found: dict[Face, Growth] = {}
     for grading in gradings:
-        found = faces.get(grading.toward)
-        if not found:
+        toward = faces.get(grading.toward)
+        if not toward:
             raise CaseError(f'grading toward "{grading.toward}": there is no such face; known: {", ".join(faces)}')
-        ends |= {face: grading.ratio for face in found}
-    return ends
+        found |= {face: Growth(grading.ratio, grading.equal) for face in toward}
+    return found
 
 
-def _ratio(edges: Sequence[Edge], patches: Sequence[Patch], toward: Mapping[Face, float]) -> float:
-    """Find the last span over the first along a class of directions, below 1 where its end is to be fine."""
-    ratios = set()
+def _ends(edges: Sequence[Edge], patches: Sequence[Patch], toward: Mapping[Face, Growth]) -> Ends:
+    """Find how spans grow from the beginning and from the end of a class of directions."""
+    found: tuple[set[Growth], set[Growth]] = set(), set()
     for edge in edges:
         for side in range(2):
-            ratio = toward.get(Face(patches[edge.patch].name, edge.axis, side))
-            if ratio is not None:
-                ratios.add(ratio if side == edge.reversed else 1 / ratio)
-    if len(ratios) > 1:
-        raise CaseError("gradings lead toward both ends of one direction, or with two ratios: leave one of them")
-    return ratios.pop() if ratios else 1.0
+            growth = toward.get(Face(patches[edge.patch].name, edge.axis, side))
+            if growth is not None:
+                found[side != edge.reversed].add(growth)
+    if max(map(len, found)) > 1:
+        raise CaseError("two gradings lead toward the same end of a direction, and differ: leave one of them")
+    first, last = (each.pop() if each else None for each in found)
+    return first, last
 
 
-def _break_points(at: Array, edges: Sequence[Edge], patches: Sequence[Patch], mesh: Mesh, ratio: float) -> Array:
+def _break_points(at: Array, edges: Sequence[Edge], patches: Sequence[Patch], mesh: Mesh, ends: Ends) -> Array:
     """Cut the intervals between the breaks that a shape needs into spans."""
     if isinstance(mesh, OnePatch) and mesh.breaks is not None:
         return np.array(mesh.breaks[edges[0].axis])
     if mesh.span_size is None:
-        return _graded(at, max((mesh.spans or (1, 1, 1))[edge.axis] for edge in edges), ratio)
+        return _graded(at, max((mesh.spans or (1, 1, 1))[edge.axis] for edge in edges), ends)
     fine, arcs = _arc_lengths(at, edges, patches)
     found, spans = at, len(at) - 1
     while (longest := _longest(found, fine, arcs)) > mesh.span_size * (1 + LONGER):
@@ -105,23 +117,33 @@ def _break_points(at: Array, edges: Sequence[Edge], patches: Sequence[Patch], me
                 f"span_size = {mesh.span_size:g} asks for more than {MOST_SPANS} spans along an edge of length "
                 f"{arcs[:, -1].max():.4g}: is it in the unit of length of the model?"
             )
-        found = _graded(at, spans, ratio)
+        found = _graded(at, spans, ends)
     return found
 
 
-def _graded(at: Array, spans: int, ratio: float) -> Array:
-    """Cut [0, 1] into spans that form a geometric sequence but for the given breaks, which stay; at least so many."""
-    stretch = _stretch(ratio, spans)
-    even = np.log1p(at * np.expm1(stretch)) / stretch if stretch else at
+def _graded(at: Array, spans: int, ends: Ends) -> Array:
+    """Cut [0, 1] into spans that grow from its ends but for the given breaks, which stay; at least so many."""
+    graded = np.concatenate([[0.0], np.cumsum(_sizes(spans, ends))])
+    graded /= graded[-1]
+    flat = np.arange(spans + 1) / spans
+    even = np.interp(at, graded, flat)
     counts = np.maximum(1, np.ceil(spans * np.diff(even) - 1e-9)).astype(int)
     each = zip(even[:-1], even[1:], counts, strict=True)
-    flat = np.concatenate([*(np.linspace(low, high, n + 1)[:-1] for low, high, n in each), [1.0]])
-    return np.expm1(flat * stretch) / np.expm1(stretch) if stretch else flat
+    fine = np.concatenate([*(np.linspace(low, high, n + 1)[:-1] for low, high, n in each), [1.0]])
+    found = np.interp(fine, flat, graded)
+    found[np.append(0, np.cumsum(counts))] = at
+    return found
 
 
-def _stretch(ratio: float, spans: int) -> float:
-    """Exponent of the map under which equal spans become a geometric sequence with a given last over first."""
-    return float(np.log(ratio)) * spans / (spans - 1) if spans > 1 else 0.0
+def _sizes(spans: int, ends: Ends) -> Array:
+    """Sizes (spans,) that grow from an end to the other, or from both ends to the middle, up to one and the same."""
+    places, sizes = np.arange(spans), np.ones(spans)
+    reach = spans if None in ends else -(-spans // 2)
+    for growth, place in zip(ends, (places, places[::-1]), strict=True):
+        if growth is not None:
+            steps = np.clip(place - growth.equal + 1, 0, None) / max(1, reach - growth.equal)
+            sizes = np.minimum(sizes, growth.ratio ** (np.minimum(steps, 1) - 1))
+    return sizes
 
 
 def _arc_lengths(at: Array, edges: Sequence[Edge], patches: Sequence[Patch]) -> tuple[Array, Array]:

@@ -20,8 +20,10 @@ def write_starter(folder: Path, schema: Mapping[str, Any], program: str) -> None
     Raises
     ------
     CaseError
-        One of the files is there already.
+        One of the files is there already, or the name is that of a case file.
     """
+    if folder.suffix == ".toml":
+        raise CaseError(f"--new {folder} would be a folder of that name: name one without .toml")
     for name in (CASE, SCHEMA):
         if (folder / name).exists():
             raise CaseError(f"{folder / name} is there already and stays as it is: name another folder")

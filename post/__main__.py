@@ -51,7 +51,7 @@ def run(case: Case, folder: Path, stamp: str) -> None:
     for contact in found["contact"]:
         gap = "none" if contact["gap_min"] is None else f"{contact['gap_min']:.3g}"
         names = contact["secondary"], contact["primary"]
-        log.info('iga-post: "%s" on "%s": largest pressure %.6g, smallest gap %s', *names, contact["pressure_max"], gap)
+        log.info('iga-post: "%s" on "%s": largest pressure %.6g, smallest gap of a point %s', *names, contact["pressure_max"], gap)
     missed = [check for check in found["verify"] if not check["passed"]]
     for check in found["verify"]:
         log.info(
@@ -64,9 +64,14 @@ def run(case: Case, folder: Path, stamp: str) -> None:
     if missed:
         first = missed[0]
         raise VerificationError(
-            f"{len(missed)} of {len(found['verify'])} checks missed: {first['quantity']} is {first['found']}, "
-            f"expected {first['expected']} within {first['tolerance']:g}"
+            f"{len(missed)} of {len(found['verify'])} checks missed: {first['quantity']} is {_listed(first['found'])}, "
+            f"expected {_listed(first['expected'])} within {first['tolerance']:g}"
         )
+
+
+def _listed(value: float | list[float]) -> str:
+    """Write a number, or a list of them, in as many digits as people read; summary.json has all."""
+    return f"[{', '.join(map(_listed, value))}]" if isinstance(value, list) else f"{value:.6g}"
 
 
 def summary(folder: Path) -> Mapping[str, Any]:

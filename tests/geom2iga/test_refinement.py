@@ -58,8 +58,8 @@ def largest_span(patch, axis, samples=40):
     return longest
 
 
-def grading(toward, ratio):
-    return Grading(toward=toward, ratio=ratio)
+def grading(toward, ratio, equal=1):
+    return Grading(toward=toward, ratio=ratio, equal=equal)
 
 
 @given(TRIPLES, st.tuples(*[st.integers(1, 4)] * 3))
@@ -199,31 +199,54 @@ def test_every_patch_of_a_round_body_is_graded_toward_its_bottom(kind):
         assert lengths[-1] / lengths[0] == pytest.approx(3, rel=1e-9)
 
 
-@pytest.mark.parametrize(
-    "gradings",
-    [
-        [grading("bottom", 2), grading("top", 2)],
-        [grading("left", 2), grading("bottom", 3), grading("right", 1.5)],
-    ],
-)
-def test_a_grading_toward_both_ends_of_a_direction_is_refused(gradings):
-    with pytest.raises(CaseError, match="both ends of one direction"):
-        meshed_block(spans=4, grading=gradings)
+@given(st.integers(1, 12), st.integers(1, 6), st.floats(1.5, 50), st.sampled_from(SIDES))
+def test_so_many_spans_next_to_the_face_are_equal_and_the_others_grow_from_there(grown, equal, ratio, side):
+    patch = meshed_block(spans=equal + grown, grading=[grading(side, ratio, equal)])
+    axis, end = divmod(SIDES.index(side), 2)
+    lengths = lengths_along(patch, axis)[:: -1 if end else 1]
+    np.testing.assert_allclose(lengths[:equal], lengths[0], rtol=1e-9)
+    np.testing.assert_allclose(lengths[equal:] / lengths[equal - 1 : -1], ratio ** (1 / grown), rtol=1e-9)
 
 
-def test_a_grading_toward_both_ends_of_a_row_of_patches_is_refused():
+def test_where_all_spans_are_to_be_equal_there_is_no_grading():
+    plain, graded = (meshed_block(spans=5, grading=g) for g in ((), [grading("top", 9, 5)]))
+    np.testing.assert_allclose(graded.breaks[2], plain.breaks[2], rtol=1e-14)
+
+
+@given(st.integers(4, 15), st.floats(1.5, 50), st.floats(1.5, 50))
+def test_toward_both_ends_of_a_direction_spans_grow_to_the_middle(spans, first, last):
+    patch = meshed_block(spans=spans, grading=[grading("bottom", first), grading("top", last)])
+    lengths = lengths_along(patch, 2)
+    assert lengths.max() / lengths[0] == pytest.approx(first, rel=1e-9)
+    assert lengths.max() / lengths[-1] == pytest.approx(last, rel=1e-9)
+    middle = np.argmax(lengths)
+    assert (np.diff(lengths)[:middle] > -1e-12).all()
+    assert (np.diff(lengths)[middle:] < 1e-12).all()
+    assert abs(middle - (spans - 1) / 2) <= 1
+
+
+def test_a_row_of_patches_may_be_graded_toward_both_of_its_ends():
     patches = [block_patch("a"), block_patch("b", origin=(0, 0, 1))]
     faces = {"left": (Face("a", 0, 0),), "right": (Face("b", 0, 1),)}
-    mesh = Mesh(spans=3, grading=[grading("left", 2), grading("right", 2)])
-    with pytest.raises(CaseError, match="both ends of one direction"):
-        meshed(patches, find_glued(patches), mesh, ONE, faces)
+    mesh = Mesh(spans=4, grading=[grading("left", 2), grading("right", 4)])
+    for patch in meshed(patches, find_glued(patches), mesh, ONE, faces):
+        np.testing.assert_allclose(lengths_along(patch, 0), np.array([2, 4, 4, 1]) / 11, rtol=1e-12)
 
 
 def test_a_grading_across_a_twisted_ring_leads_both_ways():
     model = ring(0, 120, 240, twist=180)
     mesh = Mesh(spans=3, grading=[grading("inner", 2)])
-    with pytest.raises(CaseError, match="both ends of one direction"):
-        meshed(list(model.patches.values()), model.glued, mesh, ONE, {"inner": (Face("ring/1", 0, 0),)})
+    found = meshed(list(model.patches.values()), model.glued, mesh, ONE, {"inner": (Face("ring/1", 0, 0),)})
+    for patch in found:
+        np.testing.assert_allclose(lengths_along(patch, 0), lengths_along(patch, 0)[::-1], rtol=1e-12)
+
+
+def test_two_different_gradings_toward_one_end_are_refused():
+    mesh = Mesh(spans=3, grading=[grading("here", 2), grading("there", 3)])
+    patches = [block_patch("a"), block_patch("b", origin=(0, 1, 0))]
+    faces = {"here": (Face("a", 2, 0),), "there": (Face("b", 2, 0),)}
+    with pytest.raises(CaseError, match="the same end of a direction"):
+        meshed(patches, find_glued(patches), mesh, ONE, faces)
 
 
 @pytest.mark.parametrize("faces", [{}, {"bottom": ()}, {"bottom": (Face("block", 2, 0),), "top": ()}])

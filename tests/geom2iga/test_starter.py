@@ -83,6 +83,12 @@ def test_nothing_is_overwritten(tmp_path, capsys):
     assert "folder" in capsys.readouterr().err
 
 
+def test_the_name_of_a_case_file_is_no_folder(tmp_path, capsys):
+    assert main(["--new", str(tmp_path / "case.toml")]) == 2
+    assert "name one without .toml" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize("others", [["-n"], ["case.toml"], ["-o", "there"], ["-f"]])
 def test_a_new_case_is_written_and_nothing_else_done(tmp_path, others, capsys):
     assert main(["--new", str(tmp_path / "first"), *others]) == 2
