@@ -54,7 +54,7 @@ def command_parser(
     talking.add_argument("-q", "--quiet", action="store_true", help="print errors only")
     talking.add_argument("-v", "--verbose", action="store_true", help="print details")
     talking.add_argument("--json", action="store_true", help="print the summary on standard output")
-    alone = parser.add_argument_group("instead of running a case")
+    alone = parser.add_argument_group("instead of running a case").add_mutually_exclusive_group()
     _file(
         alone.add_argument("--new", type=Path, metavar="DIR", help="write a case to begin with into a folder"), FOLDERS
     )

@@ -114,7 +114,7 @@ def _guarded(program: str, work: Callable[[], int]) -> int:
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
         return _failed(
-            CaseError.exit_code, f"{where}{(error.strerror or str(error)).lower()}; nothing was half written"
+            CaseError.exit_code, f"{where}{(error.strerror or str(error)).lower()}; no file was half written"
         )
     except Exception as error:
         log.debug("%s", traceback.format_exc())
@@ -128,11 +128,9 @@ def _guarded(program: str, work: Callable[[], int]) -> int:
 def _run(program: str, options: Any, stages: Sequence[Stage]) -> int:
     """Check the case, run what is not up to date, print the summary."""
     if options.new:
-        if options.case or options.output or options.dry_run or options.force:
-            raise CaseError(
-                "--new DIR writes a case and runs nothing: it goes with no case file, and not with -o, -n, -f"
-            )
-        write_starter(options.new, schema([stage.tables for stage in stages], program), program)
+        if {name for name, value in vars(options).items() if value} - {"new", "quiet", "verbose"}:
+            raise CaseError("--new DIR writes a case and runs nothing: it goes with -q and -v alone")
+        write_starter(options.new, schema([stage.tables for stage in stages], program))
         return 0
     if options.case is None:
         raise CaseError(f"no case file given; for example: {program} case.toml, or {program} --new folder")
@@ -191,8 +189,8 @@ def uninterrupted() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGINT, before)
-    if received:
-        raise KeyboardInterrupt
+        if received:
+            raise KeyboardInterrupt
 
 
 def _failed(code: int, text: str) -> int:

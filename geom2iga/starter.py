@@ -8,13 +8,14 @@ from pathlib import Path
 from typing import Any
 
 from geom2iga.errors import CaseError
+from geom2iga.files import replacing
 
 CASE, SCHEMA = "case.toml", "case.schema.json"
 
 log = logging.getLogger("geom2iga")
 
 
-def write_starter(folder: Path, schema: Mapping[str, Any], program: str) -> None:
+def write_starter(folder: Path, schema: Mapping[str, Any]) -> None:
     """Write a case file, and beside it the schema by which editors complete its keys.
 
     Raises
@@ -31,9 +32,10 @@ def write_starter(folder: Path, schema: Mapping[str, Any], program: str) -> None
         folder.mkdir(parents=True, exist_ok=True)
     except FileExistsError:
         raise CaseError(f"{folder} is a file: name a folder") from None
-    (folder / CASE).write_text(starter(), encoding="utf-8")
-    (folder / SCHEMA).write_text(json.dumps(schema, indent=2) + "\n", encoding="utf-8")
-    log.info("%s is ready; next: %s %s", folder / CASE, program, folder / CASE)
+    for name, text in {SCHEMA: json.dumps(schema, indent=2) + "\n", CASE: starter()}.items():
+        with replacing(folder / name) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+    log.info("%s is ready; next: iga-run %s", folder / CASE, folder / CASE)
 
 
 def starter() -> str:

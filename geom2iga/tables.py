@@ -14,7 +14,7 @@ from geom2iga.errors import CaseError, suggestion
 
 TABLES = ("title", "units", "geometry", "solve", "post", "verify")
 
-WORD = r"\w[\w-]*"  # what a name looks like
+WORD = r"\w[\w-]{0,49}"  # what a name looks like
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0)]
@@ -35,7 +35,7 @@ def _three(value: Any) -> Any:
 def _word(value: Any) -> Any:
     """Names become parts of face names and of paths in files."""
     if not isinstance(value, str) or not re.fullmatch(WORD, value):
-        raise ValueError(f'a name consists of letters, digits, "_" and "-", found "{value}"')
+        raise ValueError(f'a name consists of up to 50 letters, digits, "_" and "-", found "{value!s:.80}"')
     return value
 
 

@@ -1,8 +1,10 @@
 """The command iga-post: solution.h5 to VTU files, pictures, summary and checks."""
 
 import json
+import os
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +14,8 @@ from geom2iga.stage import Stage, fingerprint, listed, log, run_command
 from geom2iga.tables import Case, checked
 from post.case import PostCase
 from post.export import export
+from post.report.source import case_text
+from post.summary import write_summary
 from post.wanted import check_wanted
 from solve import __main__ as solution
 from solve.case import SolveCase
@@ -21,11 +25,12 @@ FILE = "summary.json"
 
 
 def stamp(case: Case, folder: Path) -> str:
-    """Fingerprint the solution and what [post] and [[verify]] ask for."""
+    """Fingerprint the solution, what [post] and [[verify]] ask for, and the text that the report shows."""
     before = solution.stamp(case, folder)
     if solution.STAGE.written(folder) != before:
         raise CaseError(f"{folder / solution.FILE} is missing or not made from this case: run iga-solve first")
-    return fingerprint(before, checked(case, PostCase).model_dump())
+    wanted = checked(case, PostCase)
+    return fingerprint(before, wanted.model_dump(), case_text(case) if wanted.post.report else "")
 
 
 def written(folder: Path) -> str | None:
@@ -43,15 +48,20 @@ def run(case: Case, folder: Path, stamp: str) -> None:
     """Write everything; raise VerificationError where a known answer was missed."""
     began = time.perf_counter()
     result = read_result(folder / solution.FILE)
-    before = listed(folder)
-    found = export(result, case, folder, stamp)
+    with _accounted(folder) as before:
+        found = export(result, case, folder, stamp)
     for name in before.difference(found["files"]):
         (folder / name).unlink(missing_ok=True)
     log.info("iga-post: %d files in %s, %.2f s", len(found["files"]) + 1, folder, time.perf_counter() - began)
     for contact in found["contact"]:
         gap = "none" if contact["gap_min"] is None else f"{contact['gap_min']:.3g}"
         names = contact["secondary"], contact["primary"]
-        log.info('iga-post: "%s" on "%s": largest pressure %.6g, smallest gap of a point %s', *names, contact["pressure_max"], gap)
+        log.info(
+            'iga-post: "%s" on "%s": largest pressure %.6g, smallest gap of a point %s',
+            *names,
+            contact["pressure_max"],
+            gap,
+        )
     missed = [check for check in found["verify"] if not check["passed"]]
     for check in found["verify"]:
         log.info(
@@ -67,6 +77,19 @@ def run(case: Case, folder: Path, stamp: str) -> None:
             f"{len(missed)} of {len(found['verify'])} checks missed: {first['quantity']} is {_listed(first['found'])}, "
             f"expected {_listed(first['expected'])} within {first['tolerance']:g}"
         )
+
+
+@contextmanager
+def _accounted(folder: Path) -> Iterator[set[str]]:
+    """Say in summary.json that what lies there is not up to date, yet whose it is; yield the names that it listed."""
+    before, present = listed(folder), set(os.listdir(folder))
+    write_summary(folder / FILE, {"files": sorted(before)})
+    try:
+        yield before
+    except BaseException:
+        with suppress(OSError):  # of a full disk
+            write_summary(folder / FILE, {"files": sorted(before.union(os.listdir(folder)) - (present - before))})
+        raise
 
 
 def _listed(value: float | list[float]) -> str:

@@ -1,4 +1,4 @@
-"""Load steps in a row, for ParaView: a .pvd file names a data file for each value of the load factor."""
+"""Load steps in a row, for ParaView: a .pvd file names a data file for each of them."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
@@ -15,7 +15,7 @@ def write_collection(path: Path, steps: Iterable[tuple[float, str]]) -> None:
     Parameters
     ----------
     steps : pairs
-        Time, here the load factor, and the name of a data file; relative names start from the folder of `path`.
+        Time, here the number of the load step, and the name of a data file, seen from the folder of `path`.
     """
     root = ElementTree.Element("VTKFile", type="Collection", version="0.1")
     collection = ElementTree.SubElement(root, "Collection")

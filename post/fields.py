@@ -17,6 +17,8 @@ from solve.material import hydrostatic_pressure, principal_stress, von_mises
 from solve.metric import cofactors_of
 from solve.result import ContactResult, Result
 
+SINGULAR = 1e-10  # det J over the product of the lengths of its columns below which it is rounding
+
 
 @dataclass(frozen=True, eq=False)
 class BodySamples:
@@ -102,12 +104,15 @@ class Samples:
 
     @cached_property
     def secondary(self) -> tuple[ContactSamples, ...]:
-        """Every secondary face once; pressures of several contacts on it add up, the smallest gap counts."""
+        """Every secondary face once; of several contacts at a point the largest pressure and the smallest gap.
+
+        Two contacts meet on the line between their primary faces, where each has its own pressure.
+        """
         merged: dict[Face, ContactSamples] = {}
         for contact, parts in self.contacts.items():
             for face, part in zip(self.result.model.faces(contact.definition.secondary), parts, strict=True):
                 if face in merged:
-                    pressure, gap = merged[face].pressure + part.pressure, np.fmin(merged[face].gap, part.gap)
+                    pressure, gap = np.fmax(merged[face].pressure, part.pressure), np.fmin(merged[face].gap, part.gap)
                     part = replace(part, pressure=pressure, gap=gap)
                 merged[face] = part
         return tuple(merged.values())
@@ -166,9 +171,16 @@ def _evaluate_brick(brick: Brick, coefficients: Array) -> tuple[Array, Array]:
         weight = sampled[6]
         sampled = sampled[:6] / weight[3]
         sampled[:, :3] -= sampled[:, 3:] * (weight[:3] / weight[3])
-    cofactors, determinant = cofactors_of(sampled[:3, :3])
-    cofactors /= np.where(determinant == 0, np.nan, determinant)
-    return sampled[:, 3], np.einsum("iaq,ajq->ijq", sampled[3:, :3], cofactors).transpose(2, 0, 1)
+    gradient = np.einsum("iaq,ajq->ijq", sampled[3:, :3], _inverses(sampled[:3, :3]))
+    return sampled[:, 3], gradient.transpose(2, 0, 1)
+
+
+def _inverses(tangents: Array) -> Array:
+    """From dx_j/dxi_α (3, 3, q) to dxi_α/dx_j (3, 3, q), not a number where det J is rounding alone."""
+    cofactors, determinant = cofactors_of(tangents)
+    largest = np.prod(np.linalg.norm(tangents, axis=0), axis=0)
+    cofactors /= np.where(np.abs(determinant) <= SINGULAR * largest, np.nan, determinant)
+    return cofactors
 
 
 def sample_at(result: Result, name: str, xi: Array, spans: Indices | None = None) -> BodySamples:
@@ -179,9 +191,7 @@ def sample_at(result: Result, name: str, xi: Array, spans: Indices | None = None
     patch = result.model.patches[name]
     both = np.concatenate([patch.control_points.reshape(-1, 3), result.displacement_of(name)], axis=1)
     values, slopes = evaluate(patch, xi, 1, both, spans)
-    cofactors, determinant = cofactors_of(np.moveaxis(slopes[:, :3], 0, -1))
-    cofactors /= np.where(determinant == 0, np.nan, determinant)
-    gradient = np.einsum("qia,ajq->qij", slopes[:, 3:], cofactors)
+    gradient = np.einsum("qia,ajq->qij", slopes[:, 3:], _inverses(np.moveaxis(slopes[:, :3], 0, -1)))
     stress = result.materials[result.model.body_of(name)].stress(gradient)
     return BodySamples(values[:, :3], values[:, 3:], stress, np.empty((0, 8), np.int64))
 

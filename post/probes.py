@@ -113,15 +113,25 @@ def sample_point(result: Result, point: PointProbe) -> PointSamples:
     CaseError
         An unknown body; a point in no body, or in several where none is named; an analysis that has not converged.
     """
+    return _sample_points(result, [point])[0]
+
+
+def _sample_points(result: Result, probes: Sequence[PointProbe]) -> list[PointSamples]:
+    """Evaluate at points in every load step."""
     result.check_converged()
-    body = _holder(result.model, point, f'point "{point.name}"')
-    at = np.array([point.at])
-    place = find_in_model(result.model, at, body)
+    bodies, numbers, xi = _holders(result.model, probes)
+    at = np.array([probe.at for probe in probes]).reshape(-1, 3)
     steps = [replace(result, states=result.states[:count]) for count in range(1, len(result.states) + 1)]
-    parts = [_evaluated(step, at, *place) for step in steps]
-    fields = ("points", "displacement", "stress", "cells")
-    samples = BodySamples(*(np.concatenate([getattr(part, field) for part in parts]) for field in fields))
-    return PointSamples(np.array([state.load_factor for state in result.states]), body, samples)
+    parts = [_evaluated(step, at, numbers, xi) for step in steps]
+    factors = np.array([state.load_factor for state in result.states])
+    points, displacement, stress = (
+        np.stack([getattr(part, name) for part in parts], axis=1) for name in ("points", "displacement", "stress")
+    )
+    none = np.empty((0, 8), dtype=np.int64)
+    return [
+        PointSamples(factors, body, BodySamples(points[n], displacement[n], stress[n], none))
+        for n, body in enumerate(bodies)
+    ]
 
 
 class Probes(NamedTuple):
@@ -134,7 +144,8 @@ class Probes(NamedTuple):
 def sample_probes(result: Result, post: Post) -> Probes:
     """Evaluate along all lines and at all points of a case."""
     lines = {line.name: sample_line(result, line) for line in post.line}
-    return Probes(lines, {point.name: sample_point(result, point) for point in post.point})
+    points = _sample_points(result, post.point)
+    return Probes(lines, {point.name: found for point, found in zip(post.point, points, strict=True)})
 
 
 def write_line(path: Path, line: LineSamples) -> None:
@@ -152,8 +163,7 @@ def write_point(path: Path, point: PointSamples) -> None:
 
 def check_probes(model: Model, case: PostCase) -> None:
     """Raise CaseError where a probe names an unknown body, or meets none, or is a point in several."""
-    for number, point in enumerate(case.post.point):
-        _holder(model, point, f"post.point[{number}]")
+    _holders(model, case.post.point)
     for number, line in enumerate(case.post.line):
         key = f"post.line[{number}]"
         _check_body(model, line.body, key)
@@ -179,18 +189,24 @@ def _evaluated(result: Result, points: Array, numbers: Indices, xi: Array) -> Bo
     return BodySamples(points, displacement, stress, np.empty((0, 8), dtype=np.int64))
 
 
-def _holder(model: Model, point: PointProbe, key: str) -> str:
-    """Name the body that holds a point; raise CaseError where there is none, or no single one."""
-    _check_body(model, point.body, key)
-    at = np.array([point.at])
-    bodies = list(model.bodies) if point.body is None else [point.body]
-    holders = [body for body in bodies if find_in_model(model, at, body)[0][0] >= 0]
-    if not holders:
-        raise CaseError(f"{key}.at = {_listed(point.at)} lies outside {_missed(model, at, point.body)}")
-    if len(holders) > 1:
-        names = " and ".join(f'"{body}"' for body in holders)
-        raise CaseError(f"{key}.at = {_listed(point.at)} lies in {names}: name one of them as body")
-    return holders[0]
+def _holders(model: Model, points: Sequence[PointProbe]) -> tuple[list[str], Indices, Array]:
+    """Find the body, the number of the patch (q,) and the place in it (q, 3) of points; raise CaseError without one."""
+    at = np.array([point.at for point in points]).reshape(-1, 3)
+    found = {body: find_in_model(model, at, body) for body in model.bodies} if points else {}
+    bodies = []
+    for number, point in enumerate(points):
+        key = f"post.point[{number}]"
+        _check_body(model, point.body, key)
+        held = [body for body in found if found[body][0][number] >= 0 and point.body in (None, body)]
+        if not held:
+            missed = _missed(model, at[number : number + 1], point.body)
+            raise CaseError(f"{key}.at = {_listed(point.at)} lies outside {missed}")
+        if len(held) > 1:
+            names = " and ".join(f'"{body}"' for body in held)
+            raise CaseError(f"{key}.at = {_listed(point.at)} lies in {names}: name one of them as body")
+        bodies += held
+    numbers = np.array([found[body][0][number] for number, body in enumerate(bodies)], dtype=np.int64)
+    return bodies, numbers, np.array([found[body][1][number] for number, body in enumerate(bodies)]).reshape(-1, 3)
 
 
 def _check_body(model: Model, body: str | None, key: str) -> None:
@@ -205,7 +221,7 @@ def _missed(model: Model, points: Array, body: str | None) -> str:
 
     def distance(name: str) -> float:
         low, high = boxes[name]
-        return float(np.linalg.norm(points - np.clip(points, low, high), axis=1).min())
+        return float(np.abs(points - np.clip(points, low, high)).max(axis=1).min())
 
     nearest = min(boxes, key=distance)
     low, high = (_listed(corner.tolist()) for corner in boxes[nearest])

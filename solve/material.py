@@ -46,7 +46,7 @@ def von_mises(stress: Array) -> Array:
 
 
 def principal_stress(stress: Array) -> Array:
-    """Principal stresses (q, 3), the largest first, from stresses (q, 6); not a number where one of these is not.
+    """Principal stresses (q, 3), the largest first, from stresses (q, 6); not a number where one of these is none.
 
     >>> principal_stress(np.array([[1.0, 1, 5, 2, 0, 0]])).round(12).tolist()
     [[5.0, 3.0, -1.0]]
@@ -54,7 +54,7 @@ def principal_stress(stress: Array) -> Array:
     full = np.empty((len(stress), 3, 3))
     for number, (i, j) in enumerate(VOIGT):
         full[:, i, j] = full[:, j, i] = stress[:, number]
-    missing = np.isnan(stress).any(axis=1)
+    missing = ~np.isfinite(stress).all(axis=1)
     full[missing] = 0.0
     principal = np.asarray(np.linalg.eigvalsh(full)[:, ::-1], dtype=np.float64).copy()
     principal[missing] = np.nan

@@ -1,6 +1,7 @@
 """Pictures inside the page."""
 
 import base64
+import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -17,6 +18,7 @@ CAPTIONS = {
     "load_steps": "Contact forces over the share of the loads",
     "newton": "Residual and active control points over the Newton steps",
 }
+NUMBERED = re.compile(r"contact_pressure_(\d+)")  # of a single contact
 
 
 class Picture(NamedTuple):
@@ -35,8 +37,15 @@ def embedded(paths: Sequence[Path], post: Post) -> Iterator[Picture]:
         files = {path.suffix: path for path in paths if path.stem == name}
         for suffix in [each for each in TYPES if each in files][:1]:
             coded = base64.b64encode(files[suffix].read_bytes()).decode()
-            caption = captions.get(name, name.replace("_", " ").capitalize())
+            caption = captions.get(name) or _other(name)
             yield Picture(name, caption, f"data:{TYPES[suffix]};base64,{coded}")
+
+
+def _other(name: str) -> str:
+    """Caption of a picture that is named by a number, or by its file alone."""
+    if found := NUMBERED.fullmatch(name):
+        return f"{CAPTIONS['contact_pressure']} of contact {found[1]}"
+    return name.replace("_", " ").capitalize()
 
 
 def _asked_for(post: Post) -> dict[str, str]:

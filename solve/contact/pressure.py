@@ -132,7 +132,7 @@ class PointPressures:
     ----------
     space : Space
     points : (size, 3)
-        Quadrature points on the secondary side [length].
+        Quadrature points on the secondary side [length]; of a result those whose area counts, row by row.
     """
 
     space: Space
@@ -151,7 +151,7 @@ class PointPressures:
     def field(self, face: Face, xi: Array, spans: Indices | None, rows: Indices, pressure: Array) -> Array:
         """Take the pressure of the nearest point."""
         at = evaluate(self.space.model.surface(face), xi)[0]
-        return pressure[cKDTree(self.points[rows]).query(at)[1]] if len(rows) else np.zeros(len(xi))
+        return pressure[cKDTree(self.points).query(at)[1]] if len(pressure) else np.zeros(len(xi))
 
 
 def pressure_space(space: Space, contact: Contact, points: Array) -> PressureSpace:

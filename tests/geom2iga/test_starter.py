@@ -89,7 +89,7 @@ def test_the_name_of_a_case_file_is_no_folder(tmp_path, capsys):
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("others", [["-n"], ["case.toml"], ["-o", "there"], ["-f"]])
+@pytest.mark.parametrize("others", [["-n"], ["case.toml"], ["-o", "there"], ["-f"], ["--json"]])
 def test_a_new_case_is_written_and_nothing_else_done(tmp_path, others, capsys):
     assert main(["--new", str(tmp_path / "first"), *others]) == 2
     assert "--new" in capsys.readouterr().err
@@ -100,7 +100,7 @@ def test_every_command_writes_the_same_case_and_says_what_comes_next(tmp_path, c
     for name, command in (("geom2iga", geometry), ("iga-solve", solve.__main__), ("iga-post", post.__main__)):
         assert command.main(["--new", str(tmp_path / name)]) == 0
         assert (tmp_path / name / "case.toml").read_text() == starter()
-        assert f"{name} {tmp_path / name / 'case.toml'}" in capsys.readouterr().err
+        assert f"next: iga-run {tmp_path / name / 'case.toml'}" in capsys.readouterr().err
 
 
 def test_much_is_left_out_to_be_taken_in():

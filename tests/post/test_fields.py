@@ -5,9 +5,11 @@ import pytest
 
 import geom2iga
 import solve
-from geom2iga import Face, evaluate
+from geom2iga import Face, Patch, evaluate
 from post.fields import Samples, sample_at, sample_contact, sample_face, sample_patch
 from post.grid import sample_grid
+from tests.cases import model_of
+from tests.post.test_gauss import posed, stretched
 
 
 @pytest.mark.parametrize("samples", [2, 3, 5])
@@ -107,3 +109,40 @@ def test_a_face_on_two_others_shows_the_pressure_of_both():
     between = (part.points[:, 0] > 1.01) & (part.points[:, 0] < 2.99)
     assert np.isnan(part.gap[between]).all()
     assert (part.pressure[between] == 0).all()
+
+
+def test_where_two_contacts_of_a_face_meet_their_pressures_do_not_add_up():
+    sides = {"l": ("left", 0.0), "r": ("right", 1.0)}
+    lower = [{"name": name, "origin": [x, 0.0, 0.0], "size": [1.0, 2.0, 1.0]} for name, (_, x) in sides.items()]
+    case = {
+        "geometry": {"degree": 2, "block": [*lower, {"name": "u", "origin": [0, 0, 1], "size": [2, 2, 1], "spans": 4}]},
+        "solve": {
+            "material": [{"young": 1000.0, "poisson": 0.0}],
+            "support": [
+                {"on": f"{name}/{face}", "normal": 0.0}
+                for name, faces in {"l": "left front bottom", "r": "right front bottom", "u": "left front"}.items()
+                for face in faces.split()
+            ],
+            "load": [{"on": "u/top", "pressure": 1.0}],
+            "contact": [{"secondary": "u/bottom", "primary": f"{name}/top"} for name in sides],
+        },
+    }
+    (part,) = Samples(solve.solve(geom2iga.build(case), case), 4).secondary
+    assert (np.abs(part.points[:, 0] - 1.0) < 1e-12).any()
+    np.testing.assert_allclose(part.pressure, 1.0, atol=1e-10)
+
+
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
+def test_stress_is_no_number_at_the_corners_of_a_disc_of_one_patch(size):
+    """There the map folds flat, and its Jacobian is rounding: half a turn of the border lies on each side."""
+    half = 0.5**0.5
+    corners = np.array([[(-1, -1), (-2, 0), (-1, 1)], [(0, -2), (0, 0), (0, 2)], [(1, -1), (2, 0), (1, 1)]]) * half
+    points = np.stack([np.concatenate([size * corners, np.full((3, 3, 1), z * size)], axis=-1) for z in (0, 1)], axis=2)
+    weights = np.array([[1, half, 1], [half, 1, half], [1, half, 1]])[:, :, None].repeat(2, axis=2)
+    knots = (*([np.repeat([0.0, 1.0], 3)] * 2), np.repeat([0.0, 1.0], 2))
+    result = posed(model_of(Patch("disc", (2, 2, 1), knots, points, weights)), stretched)
+    part = sample_patch(result, "disc", 3)
+    on_corner = (np.abs(np.abs(part.points[:, :2]) - half * size) < 1e-9 * size).all(axis=1)
+    assert on_corner.sum() == 4 * 3
+    np.testing.assert_array_equal(np.isnan(part.stress).any(axis=1), on_corner)
+    assert np.isnan(sample_at(result, "disc", np.array([[0.0, 0.0, 0.5]])).stress).all()

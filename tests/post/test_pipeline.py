@@ -3,6 +3,7 @@ import json
 import shutil
 import sys
 
+import meshio
 import numpy as np
 import pytest
 
@@ -120,6 +121,52 @@ def test_files_that_the_case_no_longer_asks_for_go_with_it(copy):
     path.write_text(path.read_text().replace("[[verify]]", "[post]\npictures = false\n\n[[verify]]", 1))
     assert main(["-q", str(path)]) == 0
     assert {name.name for name in (copy / "case.out").glob("*.png")} == set()
+
+
+def asked(folder, table):
+    """Put a [post] table into the case."""
+    path = folder / "case.toml"
+    path.write_text(path.read_text().replace("[[verify]]", f"[post]\nreport = false\n{table}\n\n[[verify]]", 1))
+    return str(path)
+
+
+def points_of(folder):
+    return meshio.read(folder / "case.out" / "bodies.vtu").points
+
+
+def test_files_of_an_interrupted_run_are_not_taken_for_those_of_the_one_before(copy, monkeypatch):
+    before = (copy / "case.toml").read_text()
+    expected = points_of(copy)
+
+    def stopped(*_):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr(sys.modules["post.export"], "_draw", stopped)
+        assert main(["-q", asked(copy, "samples = 2")]) == 130
+    assert len(points_of(copy)) < len(expected)
+    (copy / "case.toml").write_text(before)
+    assert main(["-q", str(copy / "case.toml")]) == 0
+    np.testing.assert_array_equal(points_of(copy), expected)
+
+
+def test_files_of_a_failed_run_go_when_the_case_asks_for_them_no_more(copy, monkeypatch):
+    before = (copy / "case.toml").read_text()
+    with monkeypatch.context() as patched:
+        patched.setattr("post.plots.usual.draw_bodies", lambda *_: 1 / 0)
+        point = '[[post.point]]\nname = "p"\nat = [0.5, 0.5, 0.5]'
+        assert main(["-q", asked(copy, point)]) == 1
+    assert (copy / "case.out" / "point_p.csv").is_file()
+    (copy / "case.toml").write_text(before)
+    assert main(["-q", str(copy / "case.toml")]) == 0
+    assert not (copy / "case.out" / "point_p.csv").exists()
+
+
+def test_the_report_shows_the_case_as_it_stands_now(copy):
+    path = copy / "case.toml"
+    path.write_text(path.read_text() + "# a remark of mine\n")
+    assert main(["-q", str(path)]) == 0
+    assert "a remark of mine" in (copy / "case.out" / "report.html").read_text(encoding="utf-8")
 
 
 def test_a_case_that_does_not_converge_leaves_no_summary_of_another(copy, capsys):

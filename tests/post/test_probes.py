@@ -176,6 +176,6 @@ def test_probes_that_fit_the_model_pass(stepped):
     check_probes(stepped.model, post_case(point=points, line=[UPRIGHT, {**UPRIGHT, "name": "own", "body": "lower"}]))
 
 
-def test_a_point_that_no_single_body_holds_is_refused_by_its_name(stepped):
-    with pytest.raises(CaseError, match=r'point "a"\.at = .* name one of them as body'):
+def test_a_point_that_no_single_body_holds_is_refused(stepped):
+    with pytest.raises(CaseError, match=r"at = .* name one of them as body"):
         sample_point(stepped, PointProbe(name="a", at=(1.0, 1.0, 1.0)))
