@@ -20,7 +20,7 @@ import solve
 from geom2iga.picture import scene
 from geom2iga.tables import Units
 from post import plots
-from post.case import Cut, LineProbe, PointProbe
+from post.case import Cut, LineProbe, Look, PointProbe
 from post.exact import HertzSpheres
 from post.fields import Samples
 from post.plots import Curve, Label
@@ -35,15 +35,17 @@ UNITS = Units(length="mm", force="N")
 HERTZ = HertzSpheres(force=0.6, radii=(10.0, np.inf), young=(1000.0, 1000.0), poisson=(0.3, 0.3))
 INTRODUCTION = """One function per picture, in `post.plots`; each takes data and returns a matplotlib figure, which
 `geom2iga.picture.scene.save(figure, path)` writes as PNG, SVG or PDF. `samples` is
-`plots.drawn(Samples(result, 4))`, and `units` are the labels, `Units(length="mm", force="N")`. This page is made by
-`python examples/gallery.py`."""
-MIDDLE = Cut(origin=(0.0, 0.0, 0.0), normal=(0.0, -1.0, 0.0))
+`plots.drawn(Samples(result, 4))`, and `units` are the labels, `Units(length="mm", force="N")`; `Look` and `Cut` are in
+`post.case`. This page is made by `python examples/gallery.py`."""
+MIDDLE = Look(cut=Cut(origin=(0.0, 0.0, 0.0), normal=(0.0, -1.0, 0.0)))
+BLOCK = MIDDLE.model_copy(update={"bodies": ("block",)})
 
 
 class Entry(NamedTuple):
-    """A picture of the gallery: its name, what it shows, the command that draws it, and the figure."""
+    """A picture of the gallery: name and title, what it shows, the command that draws it, and the figure."""
 
     name: str
+    title: str
     caption: str
     command: str
     draw: Callable[[], Figure]
@@ -60,39 +62,45 @@ def entries() -> Iterator[Entry]:
 def _bodies() -> Iterator[Entry]:
     yield Entry(
         "displacement",
+        "Displacement",
         "Contact patch test: vertical displacement on the deformed blocks with their knot lines.",
         'plots.draw_bodies(samples, "uz", units)',
         lambda: plots.draw_bodies(sampled("contact_patch_test"), "uz", Units(length="UL", force="F")),
     )
     yield Entry(
         "von_mises_cut",
+        "Von Mises stress on a cut",
         "Hertz contact of a hemisphere: von Mises stress where a plane cuts both bodies. It is largest below contact.",
-        'plots.draw_bodies(samples, "von_mises", units, cut=Cut(origin=(0, 0, 0), normal=(0, -1, 0)))',
-        lambda: plots.draw_bodies(sampled("hertz_hemisphere"), "von_mises", UNITS, cut=MIDDLE),
+        'plots.draw_bodies(samples, "von_mises", units, look=Look(cut=Cut(origin=(0, 0, 0), normal=(0, -1, 0))))',
+        lambda: plots.draw_bodies(sampled("hertz_hemisphere"), "von_mises", UNITS, look=MIDDLE),
     )
     yield Entry(
         "shear_stress_cut",
+        "Shear stress on a cut",
         "A field with both signs is white at zero: shear stress in the block, cut as above.",
-        'plots.draw_bodies(samples, "stress_xz", units, bodies=["block"], cut=cut)',
-        lambda: plots.draw_bodies(sampled("hertz_hemisphere"), "stress_xz", UNITS, bodies=["block"], cut=MIDDLE),
+        'plots.draw_bodies(samples, "stress_xz", units, look=Look(bodies=["block"], cut=cut))',
+        lambda: plots.draw_bodies(sampled("hertz_hemisphere"), "stress_xz", UNITS, look=BLOCK),
     )
 
 
 def _contact() -> Iterator[Entry]:
     yield Entry(
         "contact_pressure",
+        "Contact pressure",
         "Contact pressure on the secondary face.",
         'plots.draw_contact(samples, "pressure", units)',
         lambda: plots.draw_contact(sampled("hertz_sphere"), "pressure", UNITS),
     )
     yield Entry(
         "contact_gap",
+        "Contact gap",
         "Gap between the deformed bodies.",
         'plots.draw_contact(samples, "gap", units)',
         lambda: plots.draw_contact(sampled("hertz_hemisphere"), "gap", UNITS),
     )
     yield Entry(
         "contact_plane",
+        "Contact in the parameter plane",
         "Pressure and gap over the parameters of the secondary face, with the knot lines of both sides.",
         "plots.draw_contact_plane(samples, units)",
         lambda: plots.draw_contact_plane(sampled("hertz_sphere"), UNITS),
@@ -102,24 +110,28 @@ def _contact() -> Iterator[Entry]:
 def _curves() -> Iterator[Entry]:
     yield Entry(
         "profile",
+        "Contact pressure against a closed form",
         "Contact pressure over the distance from the middle, against Hertz.",
         'plots.draw_profile([Curve("computed", distance, pressure)], exact.pressure, units, errors=True)',
         _draw_profile,
     )
     yield Entry(
         "line",
-        "Fields along the axis of symmetry; there is a jump from body to body.",
-        'plots.draw_line(distance, {"uz": uz, "stress_zz": stress_zz, "von_mises": von_mises}, units)',
+        "Fields along a line",
+        "Fields along the axis of symmetry, which runs through both bodies.",
+        'plots.draw_line(distance, {"uz": uz, "stress_zz": stress_zz}, units, bodies)',
         _draw_line,
     )
     yield Entry(
         "convergence",
+        "Convergence",
         "Two rings in contact: relative error of the stress in L², degrees 1 to 3.",
         'plots.draw_convergence([Curve("degree 1", sizes, errors), ...], expected=[1, 2, 3])',
         _draw_convergence,
     )
     yield Entry(
         "sweep",
+        "Sweep",
         "A punch slides along a cylinder: contact force over its position.",
         'plots.draw_sweep([Curve("degree 1", positions, forces), ...], Label("position"), Label("force", "N"))',
         _draw_sweep,
@@ -129,18 +141,21 @@ def _curves() -> Iterator[Entry]:
 def _history() -> Iterator[Entry]:
     yield Entry(
         "newton",
+        "Newton steps",
         "Newton's method in four load steps: residual, and how many control points are active.",
         "plots.draw_newton(result.history, plots.what_is_active(result))",
         lambda: plots.draw_newton(stepped().history, plots.what_is_active(stepped())),
     )
     yield Entry(
         "load_steps",
+        "Load steps",
         "Contact force and contact area over the share of the loads.",
         "plots.draw_load_steps(result, units)",
         lambda: plots.draw_load_steps(stepped(), UNITS),
     )
     yield Entry(
         "point",
+        "Fields at a point",
         "Fields at a point over the share of the loads: below the middle of contact.",
         'plots.draw_point(load_factors, {"uz": uz, "von_mises": von_mises}, units)',
         _draw_point,
@@ -176,7 +191,7 @@ def _draw_profile() -> Figure:
 
 def _draw_line() -> Figure:
     line = sample_line(solved("hertz_sphere"), LineProbe(name="axis", start=(0, 0, -1), end=(0, 0, 1), points=401))
-    fields = {key: QUANTITIES[key].values(line.samples) for key in ("uz", "stress_zz", "von_mises")}
+    fields = {key: QUANTITIES[key].values(line.samples) for key in ("uz", "stress_zz")}
     return plots.draw_line(line.distance, fields, UNITS, line.body)
 
 
@@ -225,8 +240,8 @@ def write_gallery(folder: Path, formats: tuple[str, ...] = ("png",)) -> list[str
             if ending == "png":
                 _shrink(path)
             print(f"{path}: {path.stat().st_size / 1000:.0f} kB", flush=True)
-        title = entry.name.replace("_", " ").capitalize()
-        page.append(f"## {title}\n\n{entry.caption}\n\n![{entry.caption}]({entry.name}.png)\n\n`{entry.command}`\n")
+        image = f"![{entry.caption}]({entry.name}.png)"
+        page.append(f"## {entry.title}\n\n{entry.caption}\n\n{image}\n\n`{entry.command}`\n")
         names.append(entry.name)
     (folder / "gallery.md").write_text("\n".join(page), encoding="utf-8")
     return names

@@ -2,8 +2,10 @@
 
 from typing import Annotated, Literal, Self, get_args
 
+import numpy as np
 from pydantic import Field, model_validator
 
+from geom2iga.bspline import Array
 from geom2iga.tables import Name, Number, Positive, Table, Units, Vector
 
 Scalar = Literal[
@@ -42,14 +44,52 @@ class Cut(Table):
             raise ValueError("normal: has no length")
         return self
 
+    @property
+    def direction(self) -> Array:
+        """The normal as a unit vector (3,), whatever its length."""
+        scaled = np.array(self.normal) / np.abs(self.normal).max()
+        return scaled / np.linalg.norm(scaled)
 
-class Picture(Table):
+    def heights(self, points: Array) -> Array:
+        """Distances (q,) of points (q, 3) from the plane, positive in front of it [length]."""
+        found: Array = (points - np.array(self.origin)) @ self.direction
+        return found
+
+
+class Look(Table):
+    """What a picture of bodies shows, and from where."""
+
+    bodies: Annotated[tuple[str, ...], Field(min_length=1)] | None = Field(
+        None, description="which are drawn; left out: all"
+    )
+    cut: Cut | None = Field(None, description="plane that shows the inside; left out: outer faces")
+    view: Vector | None = Field(
+        None, description="direction from the bodies towards the viewer; left out: from the front, right and above"
+    )
+    box: tuple[Vector, Vector] | None = Field(
+        None, description="two opposite corners of what fills the picture [length]; left out: all"
+    )
+    limits: tuple[Number, Number] | None = Field(
+        None, description="ends of the colours, lowest and highest; values beyond have those of the ends"
+    )
+    knot_lines: bool = Field(True, strict=True, description="draw knot lines; false: the edges of patches alone")
+
+    @model_validator(mode="after")
+    def _can_be_drawn(self) -> Self:
+        if self.view and not any(self.view):
+            raise ValueError("view: has no length")
+        if self.box and any(a == b for a, b in zip(*self.box, strict=True)):
+            raise ValueError("box: is empty, its corners should differ in x, y and z")
+        if self.limits and self.limits[0] >= self.limits[1]:
+            raise ValueError(f"limits: the first should be below the second, found {list(self.limits)}")
+        return self
+
+
+class Picture(Look):
     """A picture of a field on the deformed bodies."""
 
     name: Name = Field(description="of picture_<name>.png")
     field: Scalar = Field(description="what colours the bodies")
-    bodies: tuple[str, ...] | None = Field(None, description="which are drawn; left out: all")
-    cut: Cut | None = Field(None, description="plane that shows the inside; left out: outer faces")
 
 
 class PointProbe(Table):
@@ -88,7 +128,9 @@ class Post(Table):
     )
     pictures: bool = Field(True, strict=True, description="draw the pictures")
     formats: Annotated[tuple[Format, ...], Field(min_length=1)] = Field(("png",), description="of the pictures")
-    deformation: Positive | None = Field(None, description="factor on displacements in pictures; left out: chosen")
+    deformation: Annotated[Positive, Field(le=1e12)] | None = Field(
+        None, description="factor on displacements in pictures, at most 1e12; left out: chosen"
+    )
     report: bool = Field(True, strict=True, description="write report.html, which needs no other file and no network")
     bezier: bool = Field(True, strict=True, description="write bezier.vtu, exact geometry and displacement")
     load_steps: bool = Field(

@@ -69,6 +69,8 @@ class ContactSamples:
         Positive in compression; zero where the primary side is not opposite.
     gap : (q,)
         After deformation [length], positive where open; not a number where the primary side is not opposite.
+    initial_gap : (q,)
+        Before.
     normal : (q, 3)
         Outward normal of the secondary face.
     cells : (c, 4)
@@ -78,6 +80,7 @@ class ContactSamples:
     displacement: Array
     pressure: Array
     gap: Array
+    initial_gap: Array
     normal: Array
     cells: Indices
 
@@ -112,8 +115,13 @@ class Samples:
         for contact, parts in self.contacts.items():
             for face, part in zip(self.result.model.faces(contact.definition.secondary), parts, strict=True):
                 if face in merged:
-                    pressure, gap = np.fmax(merged[face].pressure, part.pressure), np.fmin(merged[face].gap, part.gap)
-                    part = replace(part, pressure=pressure, gap=gap)
+                    before = merged[face]
+                    part = replace(
+                        part,
+                        pressure=np.fmax(before.pressure, part.pressure),
+                        gap=np.fmin(before.gap, part.gap),
+                        initial_gap=np.fmin(before.initial_gap, part.initial_gap),
+                    )
                 merged[face] = part
         return tuple(merged.values())
 
@@ -210,13 +218,14 @@ def _sample_secondary(result: Result, contact: ContactResult, face: Face, sample
     numbers = result.space.face_numbers(face)
     displacement = evaluate(surface.patch, grid.xi, 0, result.state.displacement[numbers], grid.spans)[0]
     pressure = result.pressure_at(contact, face, grid.xi, grid.spans)
-    gap = np.full(len(points), np.nan)
+    gap, initial = np.full((2, len(points)), np.nan)
     for opposite, own, xi in _opposite(result, contact, points, normal):
-        gap[own] = _gaps(result, opposite, xi, points[own] + displacement[own])
+        initial[own], closing = _gaps(result, opposite, xi, points[own], displacement[own])
+        gap[own] = initial[own] + closing
         for other in second_passes(result, contact):
             pressure[own] += result.pressure_at(other, opposite, xi)
     pressure = np.where(np.isnan(gap), 0.0, pressure)
-    return ContactSamples(points, displacement, pressure, gap, normal, grid.cells)
+    return ContactSamples(points, displacement, pressure, gap, initial, normal, grid.cells)
 
 
 def second_passes(result: Result, contact: ContactResult) -> tuple[ContactResult, ...]:
@@ -237,9 +246,10 @@ def _opposite(
         yield face, own, xi[own]
 
 
-def _gaps(result: Result, face: Face, xi: Array, points: Array) -> Array:
-    """Gap (q,) between displaced points and those of a primary face at xi, displaced, too."""
+def _gaps(result: Result, face: Face, xi: Array, points: Array, displacement: Array) -> tuple[Array, Array]:
+    """Gaps (q,) of points to those of a primary face at xi, before deformation, and what this adds to them."""
     surface = surface_of(result.model, face)
     feet, outward, _ = area_vectors(surface, xi)
     moved = evaluate(surface.patch, xi, 0, result.state.displacement[result.space.face_numbers(face)])[0]
-    return np.einsum("qk,qk->q", points - feet - moved, outward)
+    before, added = (np.einsum("qk,qk->q", each, outward) for each in (points - feet, displacement - moved))
+    return before, added

@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import sys
 from dataclasses import replace
+from html import unescape
 
 import pytest
 from playwright.sync_api import sync_playwright
@@ -14,6 +15,7 @@ from tests.test_examples import EXAMPLES, script
 
 GUIDE = EXAMPLES / "guide"
 SLOW = ("how-to/geometry", "how-to/results", "tutorial/geometry-to-pressure", "tutorial/hertz")
+MKDOCS = GUIDE / "mkdocs.yml"
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 pages = script(GUIDE / "pages.py")
 
@@ -77,7 +79,7 @@ def test_a_block_may_leave_out_what_it_does_not_want_to_show(tmp_path):
 def site(tmp_path_factory):
     """The site as the command builds it."""
     folder = tmp_path_factory.mktemp("site")
-    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "-f", GUIDE / "mkdocs.yml", "-d", folder]
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "-f", MKDOCS, "-d", folder]
     built = subprocess.run(command, capture_output=True, text=True, env=os.environ | {"NO_MKDOCS_2_WARNING": "true"})
     assert built.returncode == 0, built.stdout + built.stderr
     return folder
@@ -89,6 +91,24 @@ def test_the_site_builds_without_a_broken_link_and_loads_nothing_from_the_networ
         loaded = re.findall(r'<(?:script|img|iframe)[^>]*\ssrc="?([^"\s>]+)|<link\s[^>]*href="?([^"\s>]+)', text)
         assert not [url for pair in loaded for url in pair if re.match(r"(https?:)?//", url)], page
         assert "arithmatex" not in text, page
+
+
+def test_no_formula_of_the_site_shows_a_sign_that_only_aligns(site):
+    formulas = [
+        formula
+        for page in site.rglob("*.html")
+        for formula in re.findall("<math.*?</math>", page.read_text(encoding="utf-8"), re.DOTALL)
+    ]
+    assert len(formulas) > 100
+    assert not [formula for formula in formulas if "&" in unescape(unescape(formula))]
+
+
+def test_every_page_of_the_navigation_has_a_link_of_its_own(site):
+    text = (site / "index.html").read_text(encoding="utf-8")
+    shown = {unescape(title.strip()) for title in re.findall(r'md-ellipsis">([^<]*)<', text)}
+    titles = re.findall(r"^ +- (.+): \S+\.md$", MKDOCS.read_text(encoding="utf-8"), re.MULTILINE)
+    assert len(titles) > 40
+    assert not {title.strip('"') for title in titles} - shown
 
 
 def test_every_page_of_the_site_is_in_the_search_index(site):
@@ -119,3 +139,20 @@ def test_the_site_opens_and_searches_from_a_disk_without_a_network(site):
         browser.close()
     assert not errors
     assert all(url.startswith(("file:", "data:", "blob:")) for url in requests)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(CHROMIUM is None and not os.environ.get("CI"), reason="needs Chromium")
+def test_what_is_too_wide_for_a_page_scrolls_by_itself(site):
+    with sync_playwright() as started:
+        browser = started.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        page = browser.new_page(viewport={"width": 400, "height": 900})
+        for name in ("theory/contact", "tutorial/hertz", "how-to/large-problems"):
+            page.goto(f"file://{site}/{name}.html")
+            wide = page.evaluate(
+                "[...document.querySelectorAll('pre > code, math[display=block]')]"
+                ".filter(each => each.scrollWidth > each.clientWidth).map(each => getComputedStyle(each).overflowX)"
+            )
+            assert set(wide) == {"auto"}, name
+            assert page.evaluate("document.documentElement.scrollWidth") == 400, name
+        browser.close()

@@ -7,6 +7,7 @@ import json
 import re
 import tomllib
 from contextlib import redirect_stdout
+from html import unescape
 from io import StringIO
 from pathlib import Path
 
@@ -70,6 +71,8 @@ def test_every_formula_becomes_mathml(page):
         mathml = convert(formula.strip())
         assert "\\" not in mathml, formula
         assert "$" not in mathml, formula
+        assert "&" not in unescape(mathml), formula
+        assert "<mtable" not in mathml, f"without a mathematical font its parentheses stay small: {formula}"
 
 
 def test_the_formulas_are_found():

@@ -3,6 +3,7 @@
 import ctypes
 import os
 import sys
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from io import BytesIO
@@ -34,17 +35,18 @@ SETTINGS: Mapping[str, Mapping[str, Any]] = {  # of each format: quick and as sm
 FILES: Any = {"svg.hashsalt": "geom2iga", "svg.fonttype": "none", "pdf.fonttype": 42}  # text stays text
 ABOVE = (1.0, -2.0, 0.9)  # seen from the front, right and above
 FINER = 2  # pixels rendered for one of the image, along each side: smooth lines with any driver
+STEEP = 1e-6  # sine of the angle to z below which a direction is along z
 MARGIN = 12  # white around what is aimed at [pixels]
 
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """A parallel projection onto an image, z upwards.
+    """A parallel projection onto an image, z upwards; seen along z, y.
 
     Parameters
     ----------
     direction : (3,)
-        From the scene towards the viewer; not along z.
+        From the scene towards the viewer.
     centre : (3,)
         What is seen in the middle of the image [length].
     scale : float
@@ -65,7 +67,7 @@ class Camera:
 
 def aimed(points: Array, direction: Sequence[float], room: tuple[int, int]) -> Camera:
     """Choose the camera that sees points (q, 3) as large as a room of width and height [pixels] allows."""
-    towards = np.asarray(direction, dtype=float)
+    towards = np.array(direction) / np.abs(direction).max()
     axes = screen(towards)
     seen = points @ axes.T
     low, high = seen.min(axis=0), seen.max(axis=0)
@@ -76,7 +78,8 @@ def aimed(points: Array, direction: Sequence[float], room: tuple[int, int]) -> C
 
 def screen(direction: Array) -> Array:
     """Return the unit vectors (3, 3) that are seen pointing rightwards, downwards and towards the viewer."""
-    right = np.cross([0.0, 0.0, 1.0], direction)
+    along_z = np.hypot(direction[0], direction[1]) < STEEP * np.linalg.norm(direction)
+    right = np.cross([0.0, 1.0, 0.0] if along_z else [0.0, 0.0, 1.0], direction)
     axes = np.stack([right, np.cross(right, direction), direction])
     return axes / np.linalg.norm(axes, axis=1, keepdims=True)
 
@@ -175,7 +178,8 @@ def save(figure: Figure, path: Path) -> None:
     if engine is not None:
         engine.execute(figure)  # once; matplotlib itself would draw all images to lay it out, then draw them again
         figure.set_layout_engine(None)
-    with replacing(path) as temporary, rc_context(FILES):
+    with replacing(path) as temporary, rc_context(FILES), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph .* missing")  # names may hold any letters, fonts do not
         figure.savefig(temporary, dpi=DPI, **SETTINGS.get(path.suffix, {}))
 
 
@@ -200,10 +204,10 @@ def _add(plotter: pyvista.Plotter, layer: Layer) -> None:
 
 def _aim(plotter: pyvista.Plotter, camera: Camera) -> None:
     """Look through a camera."""
-    far = camera.scale * sum(camera.size) * 10
-    towards = camera.direction / np.linalg.norm(camera.direction)
+    _, down, towards = screen(camera.direction)
+    far = plotter.length + float(np.linalg.norm(camera.centre - np.array(plotter.center)))  # before everything
     plotter.enable_parallel_projection()
-    plotter.camera_position = [camera.centre + far * towards, camera.centre, (0.0, 0.0, 1.0)]
+    plotter.camera_position = [camera.centre + far * towards, camera.centre, -down]
     plotter.camera.parallel_scale = camera.scale * camera.size[1] / 2
     plotter.reset_camera_clipping_range()
 

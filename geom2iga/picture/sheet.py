@@ -126,12 +126,12 @@ def place(axes: Axes, image: Image, corner: Array) -> None:
 
 def write(axes: Axes, x: float, y: float, text: str, **style: Any) -> None:
     """Write text whose middle is at a height; names are no formulas."""
-    axes.text(x, y, _plain(text), **{"size": POINTS, "verticalalignment": "center_baseline", **style})
+    axes.text(x, y, plain(text), **{"size": POINTS, "verticalalignment": "center_baseline", **style})
 
 
 def text_width(text: str) -> float:
     """Width of the longest line of a text [pixels]."""
-    lines = [line for line in _plain(text).splitlines() if line.strip()]
+    lines = [line for line in plain(text).splitlines() if line.strip()]
     return max((TextPath((0, 0), line, size=POINTS).get_extents().width for line in lines), default=0.0) * DPI / 72
 
 
@@ -195,6 +195,6 @@ def _columns(entries: Sequence[Entry], width: float) -> int:
     return max(1, min(len(entries), int(width // widest)))
 
 
-def _plain(text: str) -> str:
-    """Keep matplotlib from reading formulas in names."""
+def plain(text: str) -> str:
+    """Write a name so that matplotlib reads no formulas in it."""
     return text.replace("$", r"\$")

@@ -125,9 +125,12 @@ class Extrusion(Primitive):
 
 
 class Revolution(Primitive):
-    """A four-sided profile turned about z through the origin; faces bottom, outer, top, inner, start, end."""
+    """A four-sided profile turned about z through the origin; faces bottom, outer, top, inner, start, end.
 
-    points: Corners = Field(description="corners as [distance from the axis, z], counter-clockwise")
+    The profile keeps off the axis.
+    """
+
+    points: Corners = Field(description="corners as [distance from the axis, above 0; z], counter-clockwise")
     through: dict[str, Point] = Field({}, description="points that make arcs of sides: bottom, outer, top, inner")
     angle: Angle = Field(360.0, description="of the sector [degrees], from the x axis towards the y axis")
 

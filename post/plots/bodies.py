@@ -1,11 +1,13 @@
 """Deformed bodies with their knot lines, coloured by a scalar field, whole or cut."""
 
 from collections.abc import Sequence
+from itertools import product
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
+from geom2iga.bspline import Array
 from geom2iga.errors import CaseError, suggestion
 from geom2iga.model import Model
 from geom2iga.patch import Face
@@ -13,17 +15,18 @@ from geom2iga.picture import scene
 from geom2iga.picture.scene import ABOVE, Layer
 from geom2iga.picture.skin import outer_faces
 from geom2iga.tables import Units
-from post.case import Cut
+from post.case import Cut, Look
 from post.fields import Samples
 from post.plots import cut as cutting
-from post.plots.deformation import deformation_scale, size_of
+from post.plots.deformation import deformation_scale, size_of, stress_of
 from post.plots.lines import Family, knot_lines
 from post.plots.page import LINE, Remarks, coloured, draw_page
-from post.plots.style import NO_UNITS, Label, scale_of
+from post.plots.style import NO_UNITS, Label, Scale, scale_between, scale_of
 from post.quantities import QUANTITIES, Quantity
 from solve.result import Result
 
-FEWEST, SAMPLES = 2, 9  # per span and direction, on the surfaces drawn
+ALL = Look()
+FEWEST, SAMPLES = 2, 17  # per span and direction, on the surfaces drawn
 FINE, FINEST = 60_000, 250_000  # quadrilaterals that look smooth, and that an image of two million pixels can show
 
 
@@ -39,7 +42,7 @@ def drawn(samples: Samples) -> Samples:
     return Samples(samples.result, int(np.clip(1 + np.ceil((FINE / spans) ** 0.5), FEWEST, SAMPLES)))
 
 
-def plot(result: Result, field: str = "von_mises", units: Units = NO_UNITS, cut: Cut | None = None) -> Figure:
+def plot(result: Result, field: str = "von_mises", units: Units = NO_UNITS, look: Look = ALL) -> Figure:
     """Draw the deformed bodies of a result coloured by a field, for a notebook.
 
     Parameters
@@ -47,10 +50,10 @@ def plot(result: Result, field: str = "von_mises", units: Units = NO_UNITS, cut:
     field : str
         A key of `QUANTITIES`.
     units : Units
-    cut : Cut
-        A plane that shows the inside; left out, the outer faces are drawn.
+    look : Look
+        What is shown, and from where: `Look(view=(1, 0, 0), cut=Cut(origin=(0, 0, 0), normal=(1, 0, 0)))`.
     """
-    return draw_bodies(drawn(Samples(result, SAMPLES)), field, units, cut=cut)
+    return draw_bodies(drawn(Samples(result, SAMPLES)), field, units, look=look)
 
 
 def draw_bodies(
@@ -58,8 +61,7 @@ def draw_bodies(
     field: str,
     units: Units = NO_UNITS,
     scale: float | None = None,
-    bodies: Sequence[str] | None = None,
-    cut: Cut | None = None,
+    look: Look = ALL,
 ) -> Figure:
     """Draw deformed bodies coloured by a scalar field, with their knot lines.
 
@@ -72,10 +74,9 @@ def draw_bodies(
     units : Units
     scale : float
         Factor on the displacements; left out, `deformation_scale` chooses it.
-    bodies :
-        Names of those to draw; left out, all.
-    cut : Cut
-        Plane through the undeformed bodies; what lies behind it is drawn. The field inside is seen on the face cut.
+    look : Look
+        Which bodies are drawn, from where, and how much of them. A cut is a plane through the undeformed bodies; what
+        lies behind it is drawn, and the field inside is seen on the face cut.
 
     Raises
     ------
@@ -84,26 +85,46 @@ def draw_bodies(
     """
     quantity, result = _quantity(field), samples.result
     scale = deformation_scale(result) if scale is None else scale
-    names = _patches(result.model, bodies)
+    names = _patches(result.model, look.bodies)
+    if look.cut is not None:
+        samples = cutting.affordable(samples, names, look.cut)
     faces = [face for face in outer_faces(result.model) if face.patch in names]
-    found, width = knot_lines(samples, faces, size_of(result))
+    size = size_of(result) if look.box is None else float(np.linalg.norm(np.ptp(look.box, axis=0)))
+    found, width = knot_lines(samples, faces, size, look.knot_lines)
     surfaces, lines = [_surface(samples, face, quantity) for face in faces], [_polylines(family) for family in found]
-    if cut is not None:
-        cut = cutting.moved_back(cut, size_of(result))
-        inside = cutting.cut_faces(result, names, quantity, cut)
+    if look.cut is not None:
+        cut = cutting.moved_back(look.cut, size_of(result))
+        inside = cutting.cut_faces(samples, names, quantity, cut, look.knot_lines)
         surfaces, lines = ([*cutting.behind(a, cut), *b] for a, b in zip((surfaces, lines), inside, strict=True))
         if not surfaces:
-            raise CaseError(_nothing_behind(samples, faces, cut))
-    values = np.concatenate([mesh["field"] for mesh in surfaces])
-    colours = scale_of(values, _size(samples, faces, quantity), quantity.signed)
+            raise CaseError(_nothing_behind(samples, faces, look.cut))
+    colours = _colours(look, surfaces, quantity, _size(samples, faces, quantity))
     style = {**LINE, "line_width": width}
     layers = [coloured(_moved(surfaces, scale), colours), Layer(_moved(lines, scale), style)]
-    direction = ABOVE if cut is None else cutting.view_of(cut.normal)
     above = f"{quantity.label}: {colours.remark}" if colours.remark else ""
-    below = f"displacements drawn {scale:g} times" if scale != 1 else "displacements drawn to scale"
-    return draw_page(
-        layers, direction, colours, Label(quantity.label, getattr(units, quantity.dimension)), Remarks(above, below)
-    )
+    below = f"displacements enlarged {scale:g} times" if scale != 1 else "displacements drawn to scale"
+    label = Label(quantity.label, getattr(units, quantity.dimension))
+    return draw_page(layers, _direction(look), colours, label, Remarks(above, below), _corners(look))
+
+
+def _colours(look: Look, surfaces: Sequence[Any], quantity: Quantity, size: float) -> Scale:
+    """Colours of the field, as wanted or as it is."""
+    values = np.concatenate([mesh["field"] for mesh in surfaces])
+    if look.limits is not None:
+        return scale_between(look.limits, values, quantity.signed)
+    return scale_of(values, size, quantity.signed)
+
+
+def _direction(look: Look) -> Sequence[float]:
+    """From where to look: as wanted, else from before the cut, else as usual."""
+    if look.view is not None:
+        return look.view
+    return ABOVE if look.cut is None else cutting.view_of(look.cut.direction)
+
+
+def _corners(look: Look) -> Array | None:
+    """The corners (8, 3) of what fills the picture."""
+    return None if look.box is None else np.array(list(product(*zip(*look.box, strict=True))))
 
 
 def _quantity(field: str) -> Quantity:
@@ -140,9 +161,10 @@ def _moved(meshes: Sequence[Any], scale: float) -> Any:
 
 
 def _size(samples: Samples, faces: Sequence[Face], quantity: Quantity) -> float:
-    """The largest component of the tensor or vector that the quantity is taken from."""
+    """The largest component of the tensor or vector that the quantity is taken from; of stress at least rounding."""
     name = {"length": "displacement", "stress": "stress"}[quantity.dimension]
-    return max(float(np.nanmax(np.abs(getattr(samples.face(face), name)))) for face in faces)
+    largest = max(float(np.nanmax(np.abs(getattr(samples.face(face), name)), initial=0.0)) for face in faces)
+    return largest if quantity.dimension == "length" else max(largest, stress_of(samples.result))
 
 
 def _nothing_behind(samples: Samples, faces: Sequence[Face], cut: Cut) -> str:

@@ -1,12 +1,12 @@
 """Curves: pressure against a closed form, fields along lines and over load steps, sweeps."""
 
 from collections.abc import Callable, Mapping, Sequence
-from itertools import pairwise
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from geom2iga.bspline import Array
+from geom2iga.picture.sheet import plain
 from geom2iga.tables import Units
 from post.plots.style import NO_UNITS, Curve, Label, draw_curves, line_styles, panels, write_labels
 from post.quantities import QUANTITIES
@@ -16,7 +16,11 @@ DIMENSIONS = {"length": "displacement", "stress": "stress"}
 
 
 def draw_profile(
-    curves: Sequence[Curve], exact: Callable[[Array], Array], units: Units = NO_UNITS, errors: bool = False
+    curves: Sequence[Curve],
+    exact: Callable[[Array], Array],
+    units: Units = NO_UNITS,
+    errors: bool = False,
+    along: str = "distance from the middle of contact",
 ) -> Figure:
     """Draw contact pressure over distance as points, on the curve of a closed form.
 
@@ -29,6 +33,8 @@ def draw_profile(
     units : Units
     errors :
         Whether a second panel shows how far the pressures are from the closed form, over its largest value.
+    along : str
+        What the distances are.
     """
     figure, (axes, *others) = panels(2 if errors else 1)
     every = np.concatenate([curve.x for curve in curves])
@@ -41,14 +47,14 @@ def draw_profile(
             panel.plot(curve.x, 100 * (curve.y - exact(curve.x)) / np.max(exact(line)), **points)
     below = (others or [axes])[-1]
     write_labels(axes, y=Label("contact pressure $p$", units.stress))
-    write_labels(below, Label("distance", units.length), Label("error over\nlargest pressure", "%") if errors else None)
+    write_labels(below, Label(along, units.length), Label("error over\nlargest pressure", "%") if errors else None)
     return figure
 
 
 def draw_line(
     distance: Array, fields: Mapping[str, Array], units: Units = NO_UNITS, bodies: Sequence[str] = ()
 ) -> Figure:
-    """Draw fields along a line, displacements above stresses; where the line is in no body, curves have gaps.
+    """Draw fields along a line, displacements above stresses; a curve for each body, with gaps outside it.
 
     Parameters
     ----------
@@ -58,12 +64,9 @@ def draw_line(
         Values by keys of `QUANTITIES`; not a number where there is no body.
     units : Units
     bodies : (q,)
-        Names of the bodies that hold the points: curves are broken where one follows another.
+        Names of the bodies that hold the points, empty outside; left out, there is one body.
     """
-    changes = [number for number, (a, b) in enumerate(pairwise(bodies), 1) if a != b]
-    distance = np.insert(distance, changes, distance[changes])
-    fields = {key: np.insert(values.astype(float), changes, np.nan) for key, values in fields.items()}
-    return _draw_fields(distance, fields, Label("distance along the line", units.length), units, markers=False)
+    return _draw_fields(distance, fields, Label("distance along the line", units.length), units, bodies)
 
 
 def draw_point(load_factors: Array, fields: Mapping[str, Array], units: Units = NO_UNITS) -> Figure:
@@ -101,13 +104,26 @@ def _spread(values: Array) -> str:
     return f"mean {mean:.4g}, range {extent:.2g}{share}"
 
 
-def _draw_fields(x: Array, fields: Mapping[str, Array], along: Label, units: Units, markers: bool) -> Figure:
-    """Draw fields over x, in one panel for each dimension."""
+def _draw_fields(
+    x: Array, fields: Mapping[str, Array], along: Label, units: Units, bodies: Sequence[str] = (), markers: bool = False
+) -> Figure:
+    """Draw fields over x, in one panel for each dimension, and a curve for each body if there are several."""
     found = {name: [key for key in fields if QUANTITIES[key].dimension == name] for name in DIMENSIONS}
     found = {name: keys for name, keys in found.items() if keys}
     figure, every = panels(len(found))
     for axes, (dimension, keys) in zip(every, found.items(), strict=True):
-        draw_curves(axes, [Curve(QUANTITIES[key].label, x, fields[key]) for key in keys], markers)
+        curves = [Curve(QUANTITIES[key].label, x, fields[key]) for key in keys]
+        draw_curves(axes, [part for curve in curves for part in _split(curve, bodies, len(keys) > 1)], markers)
         title = QUANTITIES[keys[0]].label if len(keys) == 1 else DIMENSIONS[dimension]
         write_labels(axes, along if axes is every[-1] else None, Label(title, getattr(units, dimension)))
     return figure
+
+
+def _split(curve: Curve, bodies: Sequence[str], titled: bool) -> list[Curve]:
+    """Make one curve for each body, if there are several, with its name and, if `titled`, that of the field."""
+    names = [name for name in dict.fromkeys(bodies) if name]
+    if len(names) < 2:
+        return [curve]
+    prefix = f"{curve.label}, " if titled else ""
+    owners = np.array(bodies)
+    return [Curve(prefix + plain(name), curve.x, np.where(owners == name, curve.y, np.nan)) for name in names]

@@ -12,38 +12,41 @@ from geom2iga.bspline import Array, Indices
 from geom2iga.patch import Patch
 from geom2iga.picture.scene import ABOVE
 from post.case import Cut
-from post.fields import BodySamples, sample_patch
+from post.fields import BodySamples, Samples, sample_patch
 from post.grid import Grid, count_points, sample_grid
 from post.quantities import Quantity
-from solve.result import Result
 
 MOST = 400_000  # points that bodies are sampled at to be cut, if two per span are not more
 INVISIBLE = 1e-6  # distance, in sizes of the model
-FINEST = 5  # points per span and direction, at most
 HEXAHEDRON, QUADRILATERAL = int(pyvista.CellType.HEXAHEDRON), int(pyvista.CellType.QUAD)
 
 
-def heights(points: Array, cut: Cut) -> Array:
-    """Distances (q,) of points (q, 3) from the plane, positive in front of it [length]."""
-    normal = np.array(cut.normal) / np.linalg.norm(cut.normal)
-    found: Array = (points - np.array(cut.origin)) @ normal
-    return found
+def affordable(samples: Samples, names: Sequence[str], cut: Cut) -> Samples:
+    """Take fewer samples where the patches that a plane crosses would have too many inside."""
+    patches = [
+        patch for name, patch in samples.result.model.patches.items() if name in names and _is_crossed(patch, cut)
+    ]
+    count = samples.count
+    while count > 2 and sum(count_points(patch, count)[0] for patch in patches) > MOST:
+        count -= 1
+    return samples if count == samples.count else Samples(samples.result, count)
 
 
 def moved_back(cut: Cut, size: float) -> Cut:
     """Move a plane back by an invisible distance: one through sample points would cut cells along their edges."""
-    normal = np.array(cut.normal) / np.linalg.norm(cut.normal)
-    return cut.model_copy(update={"origin": tuple((np.array(cut.origin) - INVISIBLE * size * normal).tolist())})
+    return cut.model_copy(update={"origin": tuple((np.array(cut.origin) - INVISIBLE * size * cut.direction).tolist())})
 
 
 def behind(meshes: Sequence[Any], cut: Cut) -> list[Any]:
     """Keep what of faces or lines lies behind the plane."""
-    kept = [mesh.clip(normal=cut.normal, origin=cut.origin, invert=True) for mesh in meshes]
+    kept = [mesh.clip(normal=cut.direction, origin=cut.origin, invert=True) for mesh in meshes]
     return [mesh for mesh in kept if mesh.n_points]
 
 
-def cut_faces(result: Result, names: Sequence[str], quantity: Quantity, cut: Cut) -> tuple[list[Any], list[Any]]:
-    """Find the faces along which a plane cuts patches, undeformed, and the knot lines on them.
+def cut_faces(
+    samples: Samples, names: Sequence[str], quantity: Quantity, cut: Cut, knot_lines: bool = True
+) -> tuple[list[Any], list[Any]]:
+    """Find the faces along which a plane cuts patches, undeformed, and the knot lines, or borders alone, on them.
 
     Returns
     -------
@@ -51,18 +54,19 @@ def cut_faces(result: Result, names: Sequence[str], quantity: Quantity, cut: Cut
         With point data "displacement", the faces with "field", too.
     """
     faces, lines = [], []
-    crossed = [name for name in names if _is_crossed(result.model.patches[name], cut)]
-    samples = _samples([result.model.patches[name] for name in crossed])
-    for name in crossed:
-        part, grid = sample_patch(result, name, samples), sample_grid(result.model.patches[name], samples, joined=True)
-        height = heights(part.points, cut)
+    patches = samples.result.model.patches
+    for name in (name for name in names if _is_crossed(patches[name], cut)):
+        part = sample_patch(samples.result, name, samples.count)
+        grid = sample_grid(patches[name], samples.count, joined=True)
+        height = cut.heights(part.points)
         cells = _crossing(part.cells, height)
         faces.append(_slice(part, cells, HEXAHEDRON, cut, field=quantity.values(part)))
-        lines.append(_slice(part, _crossing(_knot_surfaces(grid), height), QUADRILATERAL, cut))
+        surfaces = _knot_surfaces(grid, knot_lines)
+        lines.append(_slice(part, _crossing(surfaces, height), QUADRILATERAL, cut))
     return [mesh for mesh in faces if mesh.n_points], [mesh for mesh in lines if mesh.n_points]
 
 
-def view_of(normal: Sequence[float]) -> tuple[float, ...]:
+def view_of(normal: Array) -> tuple[float, ...]:
     """Turn the usual view, by exchanging and mirroring axes, so that it faces a plane most."""
     if np.dot(ABOVE, normal) >= 0.7 * np.linalg.norm(ABOVE) * np.linalg.norm(normal):
         return ABOVE
@@ -72,21 +76,13 @@ def view_of(normal: Sequence[float]) -> tuple[float, ...]:
         for signs in product((1.0, -1.0), repeat=3)
     ]
     usual = np.array([np.dot(ABOVE, view) for view in turned])
-    return turned[int(np.argmax(np.round(turned @ np.asarray(normal) / np.linalg.norm(normal), 6) + 1e-3 * usual))]
+    return turned[int(np.argmax(np.round(turned @ normal / np.linalg.norm(normal), 6) + 1e-3 * usual))]
 
 
 def _is_crossed(patch: Patch, cut: Cut) -> bool:
     """Whether the control points, and so perhaps the patch, lie on both sides."""
-    height = heights(patch.control_points.reshape(-1, 3), cut)
+    height = cut.heights(patch.control_points.reshape(-1, 3))
     return bool(height.min() < 0 < height.max())
-
-
-def _samples(patches: Sequence[Patch]) -> int:
-    """Points per span and direction."""
-    for samples in range(FINEST, 2, -1):
-        if sum(count_points(patch, samples)[0] for patch in patches) <= MOST:
-            return samples
-    return 2
 
 
 def _crossing(cells: Indices, height: Array) -> Indices:
@@ -102,16 +98,16 @@ def _slice(part: BodySamples, cells: Indices, kind: int, cut: Cut, **fields: Arr
     mesh = pyvista.UnstructuredGrid(connections, np.full(len(cells), kind, np.uint8), part.points[used])
     for name, values in {"displacement": part.displacement, **fields}.items():
         mesh[name] = values[used]
-    return mesh.slice(normal=cut.normal, origin=cut.origin)
+    return mesh.slice(normal=cut.direction, origin=cut.origin)
 
 
-def _knot_surfaces(grid: Grid) -> Indices:
-    """Quadrilaterals (c, 4) between the sample points on the surfaces that knots lie on, borders included."""
+def _knot_surfaces(grid: Grid, inner: bool) -> Indices:
+    """Quadrilaterals (c, 4) between the sample points on the borders and, if `inner`, where knots are between them."""
     numbers = np.arange(prod(grid.shape)).reshape(grid.shape)
     found = []
     for axis, line in enumerate(grid.lines):
         first, second = (d for d in range(3) if d != axis)
-        at = np.moveaxis(numbers, axis, 0)[line.knots]
+        at = np.moveaxis(numbers, axis, 0)[line.knots if inner else line.knots[[0, -1]]]
         rows, columns = grid.lines[first].starts, grid.lines[second].starts
         corners = [at[:, rows + i][:, :, columns + j].ravel() for i, j in ((0, 0), (1, 0), (1, 1), (0, 1))]
         found.append(np.stack(corners, axis=-1))

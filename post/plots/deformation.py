@@ -1,24 +1,27 @@
 """How many times displacements are drawn."""
 
-from collections.abc import Iterator
-
 import numpy as np
 
-from geom2iga.bspline import Array
-from geom2iga.patch import evaluate
-from post.grid import sample_grid
-from solve.contact.cells import nearest_feet
-from solve.face import area_vectors, surface_of
+from geom2iga.model import Model
+from post.fields import sample_contact
 from solve.result import ContactResult, Result
 
 VISIBLE = 0.08  # largest displacement drawn, in sizes of the model
 OVERLAP = 0.002  # largest overlap drawn of bodies in contact, in sizes of the model
-SAMPLES = 2  # per span and direction, where gaps are looked at
+POINTS = 10_000  # where gaps of a contact are looked at, about
+SAMPLES = (3, 9)  # per span and direction, odd: the middle of a span is where a round face is lowest
+ROUNDING = 1e-4  # stress below this fraction of that of a strain of displacement over size counts as none
 
 
 def size_of(result: Result) -> float:
     """Size of a model: the diagonal of the box around its control points [length]."""
     return float(np.linalg.norm(np.ptp(result.space.control_points, axis=0)))
+
+
+def stress_of(result: Result) -> float:
+    """A stress against which rounding can be told: that of the largest displacement spread over the model."""
+    largest = float(np.linalg.norm(result.state.displacement, axis=1).max())
+    return ROUNDING * max(material.young for material in result.materials.values()) * largest / size_of(result)
 
 
 def deformation_scale(result: Result) -> float:
@@ -34,11 +37,20 @@ def deformation_scale(result: Result) -> float:
     size = size_of(result)
     limit = VISIBLE * size / largest
     for contact in result.pairs:
-        for before, after in _gaps(result, contact):
-            closing = before - after
+        for part in sample_contact(result, contact, _samples(result.model, contact)):
+            closing = part.initial_gap - part.gap
             closes = closing > 0
-            limit = min(limit, ((before + OVERLAP * size)[closes] / closing[closes]).min(initial=limit))
+            left = (part.initial_gap + OVERLAP * size)[closes] / closing[closes]
+            limit = min(limit, left.min(initial=limit))
     return _round_below(limit)
+
+
+def _samples(model: Model, contact: ContactResult) -> int:
+    """Points per span and direction, an odd number."""
+    surfaces = [model.surface(face) for face in model.faces(contact.definition.secondary)]
+    spans = sum(np.prod([len(at) - 1 for at in surface.breaks]) for surface in surfaces)
+    fewest, most = SAMPLES
+    return int(np.clip((POINTS / spans) ** 0.5, fewest, most)) // 2 * 2 + 1
 
 
 def _round_below(limit: float) -> float:
@@ -47,21 +59,3 @@ def _round_below(limit: float) -> float:
         return 1.0
     power = 10.0 ** np.floor(np.log10(limit))
     return float(max(step * power for step in (1, 2, 5) if step * power <= limit))
-
-
-def _gaps(result: Result, contact: ContactResult) -> Iterator[tuple[Array, Array]]:
-    """Yield the gaps (q,) [length] of points of the secondary faces before and after deformation."""
-    primary = [surface_of(result.model, face) for face in result.model.faces(contact.definition.primary)]
-    for face in result.model.faces(contact.definition.secondary):
-        surface = surface_of(result.model, face)
-        xi = sample_grid(surface.patch, SAMPLES, joined=True).xi
-        points, normal, _ = area_vectors(surface, xi)
-        moved = evaluate(surface.patch, xi, 0, result.state.displacement[result.space.face_numbers(face)])[0]
-        nearest, feet = nearest_feet(points, normal, primary)
-        for number, opposite in enumerate(primary):
-            own = np.flatnonzero(nearest == number)
-            places, outward, _ = area_vectors(opposite, feet[own])
-            numbers = result.space.face_numbers(opposite.face)
-            other = evaluate(opposite.patch, feet[own], 0, result.state.displacement[numbers])[0]
-            before = np.einsum("qk,qk->q", points[own] - places, outward)
-            yield before, before + np.einsum("qk,qk->q", moved[own] - other, outward)

@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import LogLocator, MaxNLocator
 
 from geom2iga.bspline import Indices
+from geom2iga.picture.sheet import plain
 from geom2iga.tables import Units
 from post.plots.style import GREY, NO_UNITS, PALETTE, POINTS, Curve, Label, draw_curves, panels, write_labels
 from solve.newton import Step
@@ -43,8 +44,9 @@ def draw_newton(history: Sequence[Step], counted: str = "control points") -> Fig
     above.set_ylim(min(1e-16, residuals.min() / 3), max(10.0, residuals.max() * 3))
     below.set_ylim(0, 1.1 * max(1, active.max()))
     for axes in (above, below):
-        axes.xaxis.set_major_locator(MaxNLocator(10, integer=True))
-        axes.yaxis.get_major_locator().set_params(**({"numticks": 7} if axes is above else {"integer": True}))
+        axes.xaxis.set_major_locator(MaxNLocator(10, integer=True, min_n_ticks=1))
+    above.yaxis.set_major_locator(LogLocator(numticks=7))
+    below.yaxis.set_major_locator(MaxNLocator(6, integer=True, min_n_ticks=1))
     below.set_xlim(numbers[0] - 0.5, numbers[-1] + 0.5)
     _separate(above, below, numbers, owners)
     write_labels(above, y=Label("largest residual\nover largest force"))
@@ -83,7 +85,7 @@ def draw_load_steps(result: Result, units: Units = NO_UNITS) -> Figure:
 
 
 def _named(contact: ContactResult) -> str:
-    return f"{contact.definition.secondary} on {contact.definition.primary}"
+    return plain(f"{contact.definition.secondary} on {contact.definition.primary}")
 
 
 def _separate(above: Axes, below: Axes, numbers: Indices, owners: Indices) -> None:

@@ -26,7 +26,7 @@ def families(samples: Samples, face: Face) -> tuple[Family, Family]:
     )
 
 
-def knot_lines(samples: Samples, faces: Sequence[Face], size: float) -> tuple[list[Family], float]:
+def knot_lines(samples: Samples, faces: Sequence[Face], size: float, wanted: bool = True) -> tuple[list[Family], float]:
     """Return knot lines of faces and their width [pixels].
 
     They are thinner where they are dense; where they would be too dense to see anything else, borders alone are left.
@@ -34,12 +34,14 @@ def knot_lines(samples: Samples, faces: Sequence[Face], size: float) -> tuple[li
     Parameters
     ----------
     size :
-        Of the model [length].
+        Of what the picture shows [length].
+    wanted : bool
+        Whether to draw them; if not, borders alone are left.
     """
     found = [family for face in faces for family in families(samples, face)]
     between = np.median(np.concatenate([np.linalg.norm(np.diff(p, axis=0), axis=2).ravel() for p, _ in found]))
     width = min(WIDEST, DENSITY * between / size)
-    if width < THINNEST:
+    if width < THINNEST or not wanted:
         return [borders(family) for family in found], WIDEST
     return found, width
 

@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 
 from geom2iga.bspline import Array
 from geom2iga.picture import scene
@@ -22,6 +23,7 @@ DIRECTIONS = 250  # height of the arrows along x, y and z below the colour bar [
 LOWEST = 560  # the least height of colour bar and arrows [pixels]
 LIGHT = {"ambient": 0.85, "diffuse": 0.15, "specular": 0.0}  # near the colours of the bar, yet edges show
 LINE, OUTLINE = {"color": "black"}, {"color": "#666666", "line_width": 1.2}
+FRAME: dict[str, Any] = {"fill": False, "edgecolor": "#999999", "linewidth": 0.8}
 
 
 class Remarks(NamedTuple):
@@ -50,7 +52,7 @@ def draw_page(
     Parameters
     ----------
     shown : (q, 3)
-        What fills the picture [length]; left out, all.
+        What fills the picture, which has a frame then [length]; left out, all.
     """
     points = np.concatenate([np.asarray(layer.mesh.points) for layer in layers]) if shown is None else shown
     camera = scene.aimed(points, direction, ROOM)
@@ -58,7 +60,10 @@ def draw_page(
     top, body = EDGE + (TEXT if remarks.above else 0), max(height, LOWEST)
     full = EDGE + width + GAP + BAR + NUMBERS, top + body + (TEXT if remarks.below else 0) + EDGE // 2
     figure, axes = sheet(*full)
-    place(axes, scene.seen(layers, camera), np.array([EDGE, top + (body - height) // 2]))
+    corner = EDGE, top + (body - height) // 2
+    place(axes, scene.seen(layers, camera), np.array(corner))
+    if shown is not None:
+        axes.add_patch(Rectangle(corner, width, height, **FRAME))
     left = EDGE + width + GAP
     draw_axes(axes, camera, left + 60, top + body - 85)
     for text, y in ((remarks.above, EDGE / 2 + TEXT / 2), (remarks.below, top + body + TEXT / 2)):

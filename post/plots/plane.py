@@ -11,6 +11,7 @@ from matplotlib.lines import Line2D
 from geom2iga.bspline import Array, Mask
 from geom2iga.patch import Face, Patch
 from geom2iga.picture.scene import Picture
+from geom2iga.picture.sheet import plain
 from geom2iga.projection import closest_points
 from geom2iga.tables import Units
 from post.fields import ContactSamples, Samples
@@ -30,6 +31,13 @@ AROUND = 0.3  # what is seen around the contact zone, in sizes of the zone
 PANEL = (3.4, 3.0)  # size [inches]
 OWN: Style = {"color": "black", "linewidth": 0.4}
 OTHER: Style = {"color": "black", "linewidth": 0.8, "linestyle": (0, (5, 3))}
+REMARK: Style = {
+    "ha": "center",
+    "va": "top",
+    "fontsize": POINTS - 1,
+    "bbox": {"color": "white", "alpha": 0.85, "pad": 2},
+}
+FEW, THINNEST = 60, 0.2  # knot lines that are drawn full; the least share of their width that is still drawn
 RIM: Style = {"color": "#d55e00", "linewidth": 2.0}
 
 
@@ -60,7 +68,8 @@ def draw_contact_plane(samples: Samples, units: Units = NO_UNITS, faces: Sequenc
     faces :
         Which to draw; left out, those that bear most, at most six.
     """
-    result, parts = samples.result, dict(zip(secondary_faces(samples.result), samples.secondary, strict=True))
+    result = samples.result
+    parts = dict(zip(secondary_faces(result, result.contacts), samples.secondary, strict=True))
     edge = EDGE * max(float(part.pressure.max()) for part in parts.values())
     windows = [_window(samples, face, parts[face], edge) for face in faces or _most_pressed(parts, edge)]
     figure = Picture(figsize=(2 * PANEL[0] + 1.6, 0.6 + PANEL[1] * len(windows)), layout="constrained")
@@ -70,13 +79,16 @@ def draw_contact_plane(samples: Samples, units: Units = NO_UNITS, faces: Sequenc
         scale = contact_scale(values, name, size_of(result))
         for axes, window in zip(column, windows, strict=True):
             _draw_window(axes, window, name, scale)
+            if scale.remark:
+                axes.text(0.5, 0.94, scale.remark, transform=axes.transAxes, **REMARK)
         draw_bar(figure, scale, field.label(units), ax=column.tolist())
+    styles = {"knot lines": OWN, "knot lines opposite": OTHER}
     for row, window in zip(panels, windows, strict=True):
-        _draw_lines(row, result, window, edge)
-    styles = {"knot lines": OWN, "knot lines opposite": OTHER, "edge of contact": RIM}
-    texts = [text for text in styles if styles[text] is not RIM or any(_has_edge(each, edge) for each in windows)]
-    handles = [Line2D([], [], **styles[text]) for text in texts]
-    figure.legend(handles, texts, loc="outside lower center", ncols=3, frameon=False, fontsize=POINTS - 0.5)
+        _draw_lines(row, result, window)
+        if _draw_edge(row, window, edge):
+            styles["edge of contact"] = RIM
+    handles = [Line2D([], [], **style) for style in styles.values()]
+    figure.legend(handles, list(styles), loc="outside lower center", ncols=3, frameon=False, fontsize=POINTS - 0.5)
     return figure
 
 
@@ -116,12 +128,6 @@ def _between(values: Array, lines: Sequence[Line], places: Sequence[Array]) -> A
     return values
 
 
-def _has_edge(window: Window, edge: float) -> bool:
-    """Whether contact ends in a window."""
-    pressure = window.fields["pressure"]
-    return bool(pressure.min() < edge < pressure.max())
-
-
 def _draw_window(axes: Axes, window: Window, name: str, scale: Scale) -> None:
     """Draw a field, grey where it is no number."""
     axes.imshow(
@@ -135,27 +141,61 @@ def _draw_window(axes: Axes, window: Window, name: str, scale: Scale) -> None:
     )
 
 
-def _draw_lines(row: Sequence[Axes], result: Result, window: Window, edge: float) -> None:
-    """Draw the knot lines of both sides and the edge of contact, and name the axes."""
+def _draw_edge(row: Sequence[Axes], window: Window, edge: float) -> bool:
+    """Draw the edge of contact; tell whether there is any."""
+    pressure = window.fields["pressure"]
+    if not pressure.min() < edge < pressure.max():
+        return False
+    for axes in row:
+        axes.contour(*window.places, pressure.T, levels=[edge], colors=RIM["color"], linewidths=RIM["linewidth"])
+    return True
+
+
+def _draw_lines(row: Sequence[Axes], result: Result, window: Window) -> None:
+    """Draw the knot lines of both sides, and name the axes."""
     surface = surface_of(result.model, window.face)
     others = list(_opposite(result, window))
     grey = np.isnan(window.fields["gap"]).any()
+    own, other = (
+        _thinned(style, count) for style, count in ((OWN, _lines_seen(window, surface.patch)), (OTHER, len(others)))
+    )
     for axes in row:
         for at, draw in zip(surface.patch.breaks, (axes.axvline, axes.axhline), strict=True):
             for place in at:
-                draw(place, **OWN)
+                draw(place, **own)
         for line in others:
-            axes.plot(*line.T, **OTHER)
-        if _has_edge(window, edge):
-            rim = {"colors": RIM["color"], "linewidths": RIM["linewidth"]}
-            axes.contour(*window.places, window.fields["pressure"].T, levels=[edge], **rim)
+            axes.plot(*line.T, **other)
         axes.set(xlim=window.extent[:2], ylim=window.extent[2:])
         first, second = (f"$\\xi_{axis + 1}$" for axis in window.face.axes)
         axes.set_xlabel(first, fontsize=POINTS)
         axes.set_ylabel(second, fontsize=POINTS)
         axes.tick_params(labelsize=POINTS - 0.5)
-        name = surface.name.strip('"').replace("$", r"\$")
+        name = plain(_name_of(result, window.face))
         axes.set_title(f"{name}; grey: nothing opposite" if grey else name, fontsize=POINTS)
+
+
+def _lines_seen(window: Window, patch: Patch) -> int:
+    """Number of knot lines of a surface inside the window."""
+    return sum(
+        int(((at >= place[0]) & (at <= place[-1])).sum()) for at, place in zip(patch.breaks, window.places, strict=True)
+    )
+
+
+def _thinned(style: Style, lines: int) -> Style:
+    """Draw lines thinner where they are many, and not at all where they would hide the colours."""
+    share = FEW / max(lines, FEW)
+    return {**style, "linewidth": style["linewidth"] * share if share > THINNEST else 0.0}
+
+
+def _name_of(result: Result, face: Face) -> str:
+    """Name a secondary face as the case does, and where that are several, which of them it is."""
+    groups = result.model.groups
+    names = (contact.definition.secondary for contact in result.contacts)
+    name = next(name for name in names if face in groups[name])
+    if groups[name] == (face,):
+        return name
+    own = (group for group, faces in groups.items() if faces == (face,))
+    return f"{name}: {next(own, result.model.surface(face).name)}"
 
 
 def _opposite(result: Result, window: Window) -> Iterator[Array]:

@@ -13,6 +13,7 @@ from matplotlib.ticker import ScalarFormatter
 
 from geom2iga.bspline import Array
 from geom2iga.picture.scene import Picture
+from geom2iga.picture.sheet import plain
 from geom2iga.tables import Units
 
 NO_UNITS = Units()
@@ -45,7 +46,7 @@ class Curve(NamedTuple):
 
 
 class Scale(NamedTuple):
-    """Range of a field, its colours, and a remark on a field that is uniform."""
+    """Range of a field, its colours, and a remark on a field that is uniform or goes beyond."""
 
     limits: tuple[float, float]
     colours: Colormap
@@ -66,7 +67,7 @@ class Label(NamedTuple):
 
     def text(self, power: int = 0) -> str:
         """Title and unit, of a power of ten."""
-        unit = " ".join(part for part in (f"$10^{{{power}}}$" if power else "", self.unit) if part)
+        unit = " ".join(part for part in (f"$10^{{{power}}}$" if power else "", plain(self.unit)) if part)
         return f"{self.title} [{unit}]" if unit else self.title
 
 
@@ -93,6 +94,14 @@ def scale_of(values: Array, size: float, signed: bool) -> Scale:
     largest = max(-low, high)
     used = 0.5 + 0.5 * np.linspace(low / largest, high / largest, 256)
     return Scale((low, high), ListedColormap(DIVERGING(used), "diverging"))
+
+
+def scale_between(limits: tuple[float, float], values: Array, signed: bool) -> Scale:
+    """Choose the colours of a field between limits that are given, and remark on values beyond; see `scale_of`."""
+    low, high = float(np.nanmin(values)), float(np.nanmax(values))
+    inside = limits[0] <= low and high <= limits[1]
+    remark = "" if inside else f"values from {low:.4g} to {high:.4g}".replace("-", "−")
+    return scale_of(np.array(limits), 0.0, signed)._replace(remark=remark)
 
 
 def panels(rows: int = 1, columns: int = 1, size: tuple[float, float] = SIZE) -> tuple[Figure, list[Axes]]:
@@ -145,4 +154,5 @@ def line_styles(markers: bool = True) -> Iterator[dict[str, Any]]:
 def draw_curves(axes: Axes, curves: Sequence[Curve], markers: bool = True) -> None:
     """Draw curves, each in a style of its own."""
     for curve, style in zip(curves, line_styles(markers), strict=False):
-        axes.plot(curve.x, curve.y, label=curve.label, **style)
+        label = f" {curve.label}" if curve.label.startswith("_") else curve.label  # which matplotlib would leave out
+        axes.plot(curve.x, curve.y, label=label, **style)

@@ -9,7 +9,7 @@ from geom2iga.bspline import Array
 from post.case import PostCase
 from post.fields import Samples
 from post.plots.bodies import draw_bodies, drawn
-from post.plots.contact import draw_contact
+from post.plots.contact import draw_contact, pairs_apart
 from post.plots.curves import draw_line, draw_point
 from post.plots.deformation import deformation_scale
 from post.plots.history import draw_load_steps, draw_newton, what_is_active
@@ -37,16 +37,26 @@ def pictures_of(samples: Samples, case: PostCase, probes: Probes) -> Pictures:
     scale = case.post.deformation or deformation_scale(result)
     pictures: Pictures = {name: partial(draw_bodies, fine, field, units, scale) for name, field in BODIES.items()}
     if result.contacts:
-        pictures["contact_pressure"] = partial(draw_contact, fine, "pressure", units)
+        pictures |= _pictures_of_pressure(fine, case)
         pictures["contact_plane"] = partial(draw_contact_plane, fine, units)
     if result.contacts and len(result.states) > 1:
         pictures["load_steps"] = partial(draw_load_steps, result, units)
     if result.history:
         pictures["newton"] = partial(draw_newton, result.history, what_is_active(result))
     for wanted in case.post.picture:
-        view = (wanted.field, units, scale, wanted.bodies, wanted.cut)
-        pictures[f"picture_{wanted.name}"] = partial(draw_bodies, fine, *view)
+        pictures[f"picture_{wanted.name}"] = partial(draw_bodies, fine, wanted.field, units, scale, wanted)
     return pictures | _pictures_of_probes(case, probes)
+
+
+def _pictures_of_pressure(samples: Samples, case: PostCase) -> Pictures:
+    """One picture of all contacts, or where each is a detail of its own, one of each that bears something."""
+    apart = pairs_apart(samples)
+    if not apart:
+        return {"contact_pressure": partial(draw_contact, samples, "pressure", case.units)}
+    return {
+        f"contact_pressure_{number}": partial(draw_contact, samples, "pressure", case.units, pair)
+        for number, pair in apart.items()
+    }
 
 
 def _pictures_of_probes(case: PostCase, probes: Probes) -> Pictures:

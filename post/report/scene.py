@@ -13,11 +13,12 @@ from geom2iga.picture.scene import ABOVE, check_renderer, polylines, quadrilater
 from geom2iga.picture.skin import outer_faces
 from post.fields import Samples
 from post.grid import Line, face_grid
+from post.plots.deformation import stress_of
 from post.plots.style import Scale, scale_of
 from post.report.viewer import viewer_page
 
 MOST = 40_000  # quadrilaterals
-FINEST = 5  # samples per span and direction
+FINEST = 9  # samples per span and direction
 DENSEST = 48  # spans along a face, beyond which knot lines would blacken it
 STOPS = 11  # colours of the bar, between which it is filled
 AXES = ("#c1272d", "#2e7d32", "#1f4e9e")  # colours of the arrows along x, y and z
@@ -48,7 +49,7 @@ def draw_scene(samples: Samples, scale: float) -> Scene:
     check_renderer("set report = false in [post]")
     pieces = sample_pieces(samples, scale)
     field = np.concatenate([piece.field.ravel() for piece in pieces])
-    colours = scale_of(field, float(np.nanmax(field)), signed=False)
+    colours = scale_of(field, max(float(np.nanmax(field)), stress_of(samples.result)), signed=False)
     plotter = _plotter(pieces, colours)
     page = viewer_page(plotter)
     plotter.close()

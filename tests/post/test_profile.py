@@ -38,7 +38,7 @@ def test_a_profile_is_drawn_as_points_on_the_curve():
     curve, points = axes.lines
     assert len(points.get_xdata()) == 4001
     np.testing.assert_allclose(curve.get_ydata(), EXACT.pressure(curve.get_xdata()))
-    assert axes.get_xlabel() == "distance [mm]"
+    assert axes.get_xlabel() == "distance from the middle of contact [mm]"
     assert axes.get_ylabel() == "contact pressure $p$ [N/mm²]"
 
 

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -6,8 +8,10 @@ import solve
 from geom2iga.patch import evaluate
 from geom2iga.tables import Units
 from post import plots
-from post.fields import Samples
+from post.case import PostCase
+from post.fields import Samples, sample_contact
 from post.plots import contact, deformation, plane, style
+from post.probes import Probes
 
 UNITS = Units(length="mm", force="N")
 SPHERE = {
@@ -34,8 +38,9 @@ def pressed():
 
 def drawn_gaps(result, scale):
     """Gaps of the contact where displacements are drawn some times."""
-    pairs = [pair for c in result.pairs for pair in deformation._gaps(result, c)]
-    return np.concatenate([before + scale * (after - before) for before, after in pairs])
+    parts = [part for c in result.pairs for part in sample_contact(result, c, 9)]
+    found = np.concatenate([part.initial_gap + scale * (part.gap - part.initial_gap) for part in parts])
+    return found[~np.isnan(found)]
 
 
 def test_pressure_and_gap_bear_their_units_and_the_pressure_begins_at_zero(bent):
@@ -53,10 +58,77 @@ def test_where_contact_is_small_it_fills_the_picture(pressed, monkeypatch):
     samples = Samples(pressed, 3)
     for field in ("pressure", "gap"):
         plots.draw_contact(samples, field)
-    zone, whole = (np.ptp(points, axis=0).max() for points in seen)
-    assert zone < 0.8 * whole
+    points, whole = seen
+    zone = np.ptp(points, axis=0).max()
+    assert whole is None
+    assert zone < 0.8
     (part,) = samples.secondary
     assert zone >= np.ptp(part.points[part.pressure > 0], axis=0).max()
+
+
+@pytest.fixture(scope="module")
+def far_apart():
+    """Three spheres on a long block, of which the last does not touch; the second one has two passes."""
+    places = {"first": 0.0, "second": 6.0, "third": 12.0}
+    sphere = {"size": [1, 1, 1], "radius": 2.0, "spans": [5, 5, 1]}
+    held = {"ux": 0.0, "uy": 0.0}
+    tables = {
+        "geometry": {
+            "degree": 2,
+            "domed_block": [{**sphere, "name": name, "origin": [x, 0, 0]} for name, x in places.items()],
+            "block": [{"name": "plate", "origin": [-1, -1, -1], "size": [14, 2, 1], "spans": [28, 4, 1]}],
+        },
+        "solve": {
+            "material": [{"young": 1000.0, "poisson": 0.3}],
+            "support": [{"on": "plate/bottom", "uz": 0.0, **held}]
+            + [{"on": f"{name}/top", "uz": 0.01 if name == "third" else -0.01, **held} for name in places],
+            "contact": [
+                {"secondary": f"{name}/bottom", "primary": "plate/top", "two_pass": name == "second"} for name in places
+            ],
+        },
+    }
+    return solve.solve(geom2iga.build(tables), tables)
+
+
+def test_contacts_that_are_far_apart_have_a_picture_each_where_they_press(far_apart):
+    samples = Samples(far_apart, 3)
+    apart = contact.pairs_apart(samples)
+    assert {number: len(pair) for number, pair in apart.items()} == {1: 1, 2: 2}
+    names = list(plots.pictures_of(samples, PostCase(), Probes({}, {})))
+    assert names[2:5] == ["contact_pressure_1", "contact_pressure_2", "contact_plane"]
+
+
+def test_the_picture_of_a_contact_shows_it_alone_and_names_it(far_apart, monkeypatch):
+    seen = []
+    monkeypatch.setattr(contact, "draw_page", lambda *given: seen.append(given))
+    samples = Samples(far_apart, 3)
+    for pair in contact.pairs_apart(samples).values():
+        plots.draw_contact(samples, "pressure", UNITS, pair)
+    for (layers, _, _, _, remarks, points), name, x in zip(seen, ("first", "second"), (0.0, 6.0), strict=True):
+        assert remarks.below == f"detail around {name}/bottom on plate/top"
+        assert np.abs(points[:, 0] - x).max() < 0.8
+        assert len(layers) == 2  # no outlines, which the picture would cut off
+    assert np.ptp(np.asarray(seen[0][0][0].mesh.points)[:, 0]) < 1.01
+
+
+def test_a_single_contact_and_contacts_that_fill_the_model_have_one_picture(pressed, bent):
+    for result in (pressed, bent):
+        assert contact.pairs_apart(Samples(result, 2)) == {}
+
+
+def test_a_face_is_named_as_in_the_case_and_one_of_several_by_its_own_name_too(bent):
+    (face,) = bent.model.faces("upper/bottom")
+    assert plane._name_of(bent, face) == "upper/bottom"
+    side = bent.model.faces("upper/left")
+    several = replace(bent, model=replace(bent.model, groups={**bent.model.groups, "upper/bottom": (face, *side)}))
+    assert plane._name_of(several, side[0]) == "upper/bottom: upper/left"
+    assert plane._name_of(several, face) == "upper/bottom: upper axis 2 side 0"
+
+
+def test_the_legend_tells_of_the_edge_of_contact_only_where_it_is_drawn(patch_test, pressed):
+    for result, has_edge in ((patch_test, False), (pressed, True)):
+        (legend,) = plots.draw_contact_plane(Samples(result, 3)).legends
+        assert ("edge of contact" in [text.get_text() for text in legend.get_texts()]) == has_edge
 
 
 def test_a_surface_that_stands_upright_is_seen_from_its_side(bent):
@@ -130,3 +202,22 @@ def test_bodies_in_contact_do_not_run_through_each_other_where_displacements_are
 def test_factors_are_one_two_or_five_times_a_power_of_ten_and_at_least_one():
     limits = {0.3: 1, 1.0: 1, 1.99: 1, 2.0: 2, 4.9: 2, 5.0: 5, 99.0: 50, 100.0: 100, 123456.0: 100000}
     assert {limit: deformation._round_below(limit) for limit in limits} == limits
+
+
+@pytest.mark.parametrize("spans", [1, 3, 4])
+def test_the_lowest_point_of_a_round_face_limits_the_factor_wherever_it_lies_in_a_span(spans):
+    dome = {"name": "dome", "radius": 3.0, "size": [1, 1, 1], "origin": [1, 1, 1], "spans": [spans, spans, 2]}
+    case = {
+        "geometry": {"degree": 2, "block": [{"name": "base", "size": [2, 2, 1], "spans": 3}], "domed_block": [dome]},
+        "solve": {
+            "material": [{"young": 1000.0, "poisson": 0.3}],
+            "support": [
+                {"on": "base/bottom", "ux": 0.0, "uy": 0.0, "uz": 0.0},
+                {"on": "dome/top", "ux": 0.0, "uy": 0.0, "uz": -0.02},
+            ],
+            "contact": [{"secondary": "dome/bottom", "primary": "base/top"}],
+        },
+    }
+    result = solve.solve(geom2iga.build(case), case)
+    scale, size = plots.deformation_scale(result), deformation.size_of(result)
+    assert drawn_gaps(result, scale).min() >= -1.1 * deformation.OVERLAP * size or scale == 1

@@ -73,6 +73,14 @@ def test_newton_picture_shows_every_step_and_what_is_active():
     assert below.get_ylabel() == "active\npoints"
 
 
+def test_a_single_newton_step_has_the_only_tick():
+    above, below = plots.draw_newton(steps(1)).axes
+    for axes in (above, below):
+        low, high = axes.get_xlim()
+        assert [tick for tick in axes.get_xticks() if low <= tick <= high] == [1]
+    assert all(tick == round(tick) for tick in below.get_yticks())
+
+
 def test_load_steps_are_set_apart_in_the_newton_picture_and_numbered_while_there_is_room():
     above, _ = plots.draw_newton(steps(12, 3)).axes
     assert [text.get_text() for text in above.texts] == ["load step", "1", "2", "3"]
@@ -98,7 +106,7 @@ def test_the_force_of_each_contact_is_drawn_over_the_share_of_the_loads(case):
     assert "load_steps" in plots.pictures_of(Samples(result, 2), PostCase(), {})
 
 
-def test_lines_have_gaps_outside_and_between_bodies_and_one_panel_for_each_dimension():
+def test_lines_have_a_curve_for_each_body_with_gaps_outside_it_and_a_panel_for_each_dimension():
     distance, values = np.array([0.0, 1, 1, 2, 3, 4]), np.array([1.0, 2, 5, 6, nan, 8])
     fields = {"uz": values, "von_mises": values, "stress_zz": -values}
     figure = plots.draw_line(distance, fields, UNITS, ("a", "a", "b", "b", "", "b"))
@@ -106,10 +114,18 @@ def test_lines_have_gaps_outside_and_between_bodies_and_one_panel_for_each_dimen
     assert above.get_ylabel() == "displacement along z $u_z$ [mm]"
     assert below.get_ylabel() == "stress [N/mm²]"
     assert below.get_xlabel() == "distance along the line [mm]"
-    x, y = above.lines[0].get_data()
-    assert x.tolist()[:5] == [0, 1, 1, 1, 2]
-    assert np.isnan(y).tolist() == [False, False, True, False, False, True, True, True, False]
-    assert len(below.get_legend().get_texts()) == 2
+    np.testing.assert_array_equal(above.lines[0].get_ydata(), [1, 2, nan, nan, nan, nan])
+    np.testing.assert_array_equal(above.lines[1].get_ydata(), [nan, nan, 5, 6, nan, 8])
+    assert [text.get_text() for text in above.get_legend().get_texts()] == ["a", "b"]
+    told = [text.get_text() for text in below.get_legend().get_texts()]
+    assert [text.rsplit(", ")[1] for text in told] == ["a", "b", "a", "b"]
+    assert ["von Mises" in text for text in told] == [True, True, False, False]
+
+
+def test_a_line_through_a_single_body_needs_no_legend():
+    axes = plots.draw_line(np.arange(3.0), {"uz": np.array([1.0, nan, 2.0])}, UNITS, ("a", "", "a")).axes[0]
+    assert axes.get_legend() is None
+    assert len(axes.lines) == 1
 
 
 def test_fields_at_a_point_are_drawn_over_the_share_of_the_loads():
@@ -132,6 +148,9 @@ def test_errors_against_a_closed_form_have_a_panel_of_their_own():
     figure = plots.draw_profile([Curve("computed", points, 4 - points)], lambda x: 4 - x**2, UNITS, errors=True)
     np.testing.assert_allclose(figure.axes[1].lines[0].get_ydata(), [0, 0, 50])
     assert "[%]" in figure.axes[1].get_ylabel()
+    assert figure.axes[1].get_xlabel() == "distance from the middle of contact [mm]"
+    along = plots.draw_profile([Curve("computed", points, points)], np.abs, UNITS, along="arc length")
+    assert along.axes[0].get_xlabel() == "arc length [mm]"
 
 
 def test_lines_differ_in_more_than_colour():
@@ -158,6 +177,15 @@ def test_colours_diverge_from_white_at_zero_as_strongly_on_both_sides():
     assert scale.colours(1.0)[:3] == pytest.approx(style.DIVERGING(0.625)[:3], abs=0.01)
     assert style.scale_of(np.array([-4.0, 0.1]), 4.0, True).colours is style.SEQUENTIAL
     assert style.scale_of(np.array([-4.0, 4.0]), 4.0, False).colours is style.SEQUENTIAL
+
+
+def test_limits_of_colours_are_those_given_and_values_beyond_are_told():
+    values = np.array([-1.0, 0.5, nan, 2.0])
+    assert style.scale_between((-3.0, 3.0), values, True).remark == ""
+    beyond = style.scale_between((0.0, 1.0), values, True)
+    assert beyond.limits == (0.0, 1.0)
+    assert beyond.remark == "values from −1 to 2"
+    assert beyond.colours is style.SEQUENTIAL
 
 
 def test_powers_of_ten_of_very_small_and_large_fields_stand_in_the_unit():

@@ -135,14 +135,18 @@ def test_a_case_without_contact_checks_and_units_has_no_such_sections(tmp_path):
 
 def test_pictures_are_inside_the_page_each_once_with_a_caption(patch_test, case, summary, path):
     folder = path.parent
-    files = [folder / name for name in ("stress.png", "stress.pdf", "stress.svg", "line_across.svg")]
+    files = [
+        folder / name
+        for name in ("stress.png", "stress.pdf", "contact_pressure_2.png", "stress.svg", "line_across.svg")
+    ]
     for file in files:
         file.write_bytes(DOT if file.suffix == ".png" else b"<svg xmlns='http://www.w3.org/2000/svg'/>")
     line = {"name": "across", "start": [0.0, 0.0, 0.0], "end": [1.0, 1.0, 1.0]}
     page = page_of(patch_test, case.changed({"post": {"line": [line]}}), summary, path, files)
-    first, second = page.all("img")
+    first, numbered, second = page.all("img")
     assert first["src"] == "data:image/png;base64," + base64.b64encode(DOT).decode()
     assert first["alt"].startswith("Vertical stress")
+    assert numbered["alt"] == "Contact pressure on the secondary faces of contact 2"
     assert second["src"].startswith("data:image/svg+xml;base64,")
     assert second["alt"] == "across: von Mises stress along the line from (0, 0, 0) to (1, 1, 1)"
 
