@@ -77,25 +77,24 @@ def _check_size(spaces: Sequence[Sequence[tuple[int, Array]]]) -> None:
         raise CaseError(f"the mesh asks for {points:.3g} control points, more than {MOST_POINTS:.0g}: take fewer spans")
 
 
-def _graded_faces(gradings: Sequence[Grading], faces: Mapping[str, Sequence[Face]]) -> dict[Face, Growth]:
-    """Find the faces at which spans are to be smallest, and how they grow from there."""
-    found: dict[Face, Growth] = {}
+def _graded_faces(gradings: Sequence[Grading], faces: Mapping[str, Sequence[Face]]) -> dict[Face, set[Growth]]:
+    """Find the faces at which spans are to be smallest, and how they are to grow from there."""
+    found: dict[Face, set[Growth]] = {}
     for grading in gradings:
         toward = faces.get(grading.toward)
         if not toward:
             raise CaseError(f'grading toward "{grading.toward}": there is no such face; known: {", ".join(faces)}')
-        found |= {face: Growth(grading.ratio, grading.equal) for face in toward}
+        for face in toward:
+            found.setdefault(face, set()).add(Growth(grading.ratio, grading.equal))
     return found
 
 
-def _ends(edges: Sequence[Edge], patches: Sequence[Patch], toward: Mapping[Face, Growth]) -> Ends:
+def _ends(edges: Sequence[Edge], patches: Sequence[Patch], toward: Mapping[Face, set[Growth]]) -> Ends:
     """Find how spans grow from the beginning and from the end of a class of directions."""
     found: tuple[set[Growth], set[Growth]] = set(), set()
     for edge in edges:
         for side in range(2):
-            growth = toward.get(Face(patches[edge.patch].name, edge.axis, side))
-            if growth is not None:
-                found[side != edge.reversed].add(growth)
+            found[side != edge.reversed].update(toward.get(Face(patches[edge.patch].name, edge.axis, side), ()))
     if max(map(len, found)) > 1:
         raise CaseError("two gradings lead toward the same end of a direction, and differ: leave one of them")
     first, last = (each.pop() if each else None for each in found)

@@ -44,14 +44,17 @@ def write_data(samples: Samples, post: Post, probes: Probes, folder: Path) -> It
 
 
 def size_of_data(result: Result, post: Post, samples: int) -> int:
-    """Estimate how large the large files are, from above [bytes]."""
-    from post.bezier import size_of_bezier  # imports VTK
-
+    """Tell how large the large files are, but for their headers [bytes]."""
     columns = list(body_columns(result.model, samples))
     if post.gauss_points:
         columns.extend(gauss_columns(full_rules(result.space)))
-    bezier = size_of_bezier(result.model) * (len(result.states) if post.load_steps else 1) if post.bezier else 0
-    return bezier + sum(column.size for column in columns)
+    return sum(column.size for column in columns) + (_size_of_bezier(result, post) if post.bezier else 0)
+
+
+def _size_of_bezier(result: Result, post: Post) -> int:
+    from post.bezier import size_of_bezier  # imports VTK
+
+    return size_of_bezier(result.model) * (len(result.states) if post.load_steps else 1)
 
 
 def _write_bezier(path: Path, samples: Samples) -> None:

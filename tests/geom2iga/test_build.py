@@ -127,7 +127,7 @@ def test_the_same_case_gives_the_same_model_to_the_last_bit():
     ("kind", "changes", "error"),
     [
         ("block", {"grading": {"toward": "tpo", "ratio": 2}}, CaseError),
-        ("pipe", {"grading": [{"toward": "inner", "ratio": 2}, {"toward": "outer", "ratio": 2}]}, CaseError),
+        ("pipe", {"grading": [{"toward": "inner", "ratio": 2}, {"toward": "inner", "ratio": 3}]}, CaseError),
         ("import", {"file": "nowhere.xml"}, CaseError),
         ("cad", {"file": "nowhere.step"}, CaseError),
     ],

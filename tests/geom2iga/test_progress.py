@@ -40,6 +40,14 @@ with module.turned_on(talk(False, False)):
 """
 
 
+def opened_terminal():
+    """Both ends of a pseudo-terminal."""
+    try:
+        return pty.openpty()
+    except OSError as error:
+        pytest.skip(f"no pseudo-terminals here: {error}")
+
+
 @pytest.fixture
 def case(tmp_path):
     path = tmp_path / "cube.toml"
@@ -80,7 +88,7 @@ def on_a_terminal(monkeypatch):
     monkeypatch.setenv("COLUMNS", "100")
 
     def called(function):
-        ours, theirs = pty.openpty()
+        ours, theirs = opened_terminal()
         with ThreadPoolExecutor(1) as pool:
             text = pool.submit(read_all, ours)
             with os.fdopen(theirs, "w") as terminal, monkeypatch.context() as patched:
@@ -151,7 +159,7 @@ def test_a_pipe_gets_none_even_where_colours_are_forced(case, capfd, monkeypatch
 
 
 def test_ctrl_c_wipes_the_bar_and_gives_the_cursor_back():
-    ours, theirs = pty.openpty()
+    ours, theirs = opened_terminal()
     text = b""
     with subprocess.Popen([sys.executable, "-c", COMMAND], stdin=theirs, stderr=theirs, env=ENVIRONMENT) as process:
         os.close(theirs)
