@@ -52,7 +52,8 @@ def run(case: Case, folder: Path, stamp: str) -> None:
         found = export(result, case, folder, stamp)
     for name in before.difference(found["files"]):
         (folder / name).unlink(missing_ok=True)
-    log.info("iga-post: %d files in %s, %.2f s", len(found["files"]) + 1, folder, time.perf_counter() - began)
+    seconds, start = time.perf_counter() - began, "; open report.html" if "report.html" in found["files"] else ""
+    log.info("iga-post: %d files in %s, %.2f s%s", len(found["files"]) + 1, folder, seconds, start)
     for contact in found["contact"]:
         gap = "none" if contact["gap_min"] is None else f"{contact['gap_min']:.3g}"
         names = contact["secondary"], contact["primary"]
