@@ -14,7 +14,7 @@ from geom2iga.stage import Stage, fingerprint, listed, log, run_command
 from geom2iga.tables import Case, checked
 from post.case import PostCase
 from post.export import export
-from post.report.source import case_text
+from post.source import case_text
 from post.summary import write_summary
 from post.wanted import check_wanted
 from solve import __main__ as solution

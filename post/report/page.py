@@ -17,7 +17,7 @@ from post.report import tables
 from post.report.numbers import DIGITS, look_up, readable, shown, unit_names
 from post.report.pictures import embedded
 from post.report.scene import draw_scene
-from post.report.source import case_text
+from post.source import case_text
 
 TEMPLATE = "report.html.j2"
 

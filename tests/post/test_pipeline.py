@@ -1,6 +1,7 @@
 import csv
 import json
 import shutil
+import subprocess
 import sys
 
 import meshio
@@ -318,3 +319,10 @@ def test_load_steps_have_a_table_and_a_picture(copy):
     assert [step["load_factor"] for step in found["load_steps"]] == factors
     assert {"load_steps.csv", "load_steps.png"} <= set(found["files"])
     assert not (folder / "steps.h5").exists()
+
+
+def test_commands_begin_without_what_only_pictures_need():
+    needed = {"pyvista", "matplotlib", "vtkmodules", "tomlkit"}
+    code = f"import sys, post.pipeline; print(sorted({needed} & set(sys.modules)))"
+    command = [sys.executable, "-c", code]
+    assert subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip() == "[]"

@@ -4,8 +4,6 @@ import tomllib
 from collections.abc import Mapping
 from typing import Any
 
-import tomlkit
-
 from geom2iga.tables import Case, Source, Table, as_case
 
 
@@ -14,7 +12,7 @@ def case_text(source: Source) -> str | None:
     if isinstance(source, Table):
         return None
     case = as_case(source)
-    return _file_text(case) or tomlkit.dumps(_plain(case.tables))
+    return _file_text(case) or _written(case.tables)
 
 
 def _file_text(case: Case) -> str | None:
@@ -24,6 +22,12 @@ def _file_text(case: Case) -> str | None:
         return text if tomllib.loads(text) == case.tables else None
     except (OSError, ValueError):
         return None
+
+
+def _written(tables: Mapping[str, Any]) -> str:
+    import tomlkit  # seldom needed
+
+    return tomlkit.dumps(_plain(tables))
 
 
 def _plain(value: Any) -> Any:
