@@ -140,6 +140,11 @@ class Model:
         """Return the name of the body that a patch belongs to."""
         return self._holders[patch]
 
+    @property
+    def body_numbers(self) -> dict[str, int]:
+        """The number of the body that each patch belongs to, its place in the case from 0; patches body by body."""
+        return {patch: number for number, patches in enumerate(self.bodies.values()) for patch in patches}
+
     def faces(self, group: str) -> tuple[Face, ...]:
         """Return the faces of a group, or raise CaseError with the nearest known name."""
         if group not in self.groups:

@@ -115,8 +115,8 @@ def bezier_grid(result: Result) -> vtkUnstructuredGrid:
 
     The number of a body is its place in the case file, from 0.
     """
-    bodies = [(number, name) for number, names in enumerate(result.model.bodies.values()) for name in names]
-    patches = [result.model.patches[name] for _, name in bodies]
+    bodies = result.model.body_numbers
+    patches = [result.model.patches[name] for name in bodies]
     fields = _fields(result, patches)
     grid, points = vtkUnstructuredGrid(), vtkPoints()
     points.SetData(_array(fields["points"]))
@@ -127,7 +127,7 @@ def bezier_grid(result: Result) -> vtkUnstructuredGrid:
         data.AddArray(_array(fields[name], name))
     data.SetRationalWeights(_array(fields["RationalWeights"].ravel(), "RationalWeights"))
     counts = [prod(len(at) - 1 for at in patch.breaks) for patch in patches]
-    cells.AddArray(_array(np.repeat(np.array([number for number, _ in bodies], dtype=np.int32), counts), "body"))
+    cells.AddArray(_array(np.repeat(np.array(list(bodies.values()), dtype=np.int32), counts), "body"))
     degrees = np.repeat(np.array([patch.degrees for patch in patches], dtype=float), counts, axis=0)
     cells.SetHigherOrderDegrees(_array(degrees, "HigherOrderDegrees"))
     return grid

@@ -80,8 +80,7 @@ def write_gauss(path: Path, result: Result) -> None:
 
     Point data are those of bodies.vtu and weight, the volume that a point stands for; cell data body.
     """
-    model, rules = result.model, full_rules(result.space)
-    numbers = {name: number for number, patches in enumerate(model.bodies.values()) for name in patches}
+    rules, numbers = full_rules(result.space), result.model.body_numbers
     parts = ((n, number, part) for n, number in numbers.items() for _, part in gauss_bricks(result, n, rules[n]))
     with opened(path, gauss_columns(rules)) as put:
         put("samples", 0, np.array([max(along.counts.max() for each in rules.values() for along in each)]))

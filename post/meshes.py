@@ -33,8 +33,7 @@ def as_mesh(result: Result, samples: int = USUAL) -> meshio.Mesh:
         The result has not converged.
     """
     result.check_converged()
-    model = result.model
-    numbers = {name: number for number, patches in enumerate(model.bodies.values()) for name in patches}
+    numbers = result.model.body_numbers
     parts = [sample_patch(result, name, samples) for name in numbers]
     starts = np.cumsum([0, *(len(part.points) for part in parts)])
     return meshio.Mesh(

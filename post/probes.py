@@ -1,20 +1,22 @@
 """Fields at points and along lines, anywhere in the bodies."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from geom2iga.bspline import Array, Indices
-from geom2iga.errors import CaseError, suggestion
+from geom2iga.errors import CaseError
 from geom2iga.inversion import find_in_model
 from geom2iga.model import Model
 from post.case import LineProbe, PointProbe, Post, PostCase
+from post.collection import results_of_steps
 from post.fields import BodySamples, sample_at
 from post.quantities import QUANTITIES
 from post.tables import write_rows
+from solve.material import named_bodies
 from solve.result import Result
 
 
@@ -121,8 +123,7 @@ def _sample_points(result: Result, probes: Sequence[PointProbe]) -> list[PointSa
     result.check_converged()
     bodies, numbers, xi = _holders(result.model, probes)
     at = np.array([probe.at for probe in probes]).reshape(-1, 3)
-    steps = [replace(result, states=result.states[:count]) for count in range(1, len(result.states) + 1)]
-    parts = [_evaluated(step, at, numbers, xi) for step in steps]
+    parts = [_evaluated(step, at, numbers, xi) for step in results_of_steps(result)]
     factors = np.array([state.load_factor for state in result.states])
     points, displacement, stress = (
         np.stack([getattr(part, name) for part in parts], axis=1) for name in ("points", "displacement", "stress")
@@ -211,8 +212,7 @@ def _holders(model: Model, points: Sequence[PointProbe]) -> tuple[list[str], Ind
 
 def _check_body(model: Model, body: str | None, key: str) -> None:
     """Raise CaseError where a body is named that does not exist."""
-    if body is not None and body not in model.bodies:
-        raise CaseError(f'{key}.body: there is no body "{body}"; {suggestion(body, model.bodies)}')
+    named_bodies(model, None if body is None else (body,), f"{key}.body")
 
 
 def _missed(model: Model, points: Array, body: str | None) -> str:

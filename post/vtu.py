@@ -66,7 +66,7 @@ def write_bodies(path: Path, samples: Samples, look: Callable[[str, BodySamples]
         What it returned.
     """
     model, found = samples.result.model, []
-    numbers = {name: number for number, patches in enumerate(model.bodies.values()) for name in patches}
+    numbers = model.body_numbers
 
     def parts() -> Iterator[tuple[str, int, BodySamples]]:
         for name, part in samples.slabs(model.bodies):

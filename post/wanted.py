@@ -4,12 +4,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from geom2iga.errors import CaseError, suggestion
+from geom2iga.bspline import Array
+from geom2iga.errors import CaseError
 from geom2iga.model import Model
-from post.case import Picture, PostCase
+from post.case import Cut, Picture, PostCase
 from post.probes import check_probes
 from post.verify import check_names
 from solve.case import Contact
+from solve.material import named_bodies
 
 
 def check_wanted(model: Model, contacts: Sequence[Contact], case: PostCase) -> None:
@@ -22,18 +24,19 @@ def check_wanted(model: Model, contacts: Sequence[Contact], case: PostCase) -> N
 
 def _check_picture(model: Model, picture: Picture, key: str) -> None:
     """Raise CaseError where a body does not exist, or a cut leaves nothing of those drawn."""
-    bodies = model.bodies if picture.bodies is None else picture.bodies
-    for body in bodies:
-        if body not in model.bodies:
-            raise CaseError(f'{key}.bodies: there is no body "{body}"; {suggestion(body, model.bodies)}')
+    bodies = named_bodies(model, picture.bodies, f"{key}.bodies")
     if picture.cut is None:
         return
     patches = [model.patches[name] for body in bodies for name in model.bodies[body]]
     points = np.concatenate([patch.control_points.reshape(-1, 3) for patch in patches])
     if (picture.cut.heights(points) >= 0).all():
-        low, high = (", ".join(f"{x:.6g}" for x in end) for end in (points.min(axis=0), points.max(axis=0)))
-        raise CaseError(
-            f"{key}.cut: nothing lies behind the plane through {list(picture.cut.origin)} with normal "
-            f"{list(picture.cut.normal)}, the bodies drawn lie within [{low}] to [{high}]: move its origin, or turn "
-            "its normal round"
-        )
+        raise CaseError(f"{key}.{nothing_behind(picture.cut, points)}")
+
+
+def nothing_behind(cut: Cut, points: Array) -> str:
+    """Say that a plane leaves nothing of bodies to draw, whose points (q, 3) all lie in front of it."""
+    low, high = (", ".join(f"{x:.6g}" for x in end) for end in (points.min(axis=0), points.max(axis=0)))
+    return (
+        f"cut: nothing lies behind the plane through {list(cut.origin)} with normal {list(cut.normal)}, the bodies "
+        f"drawn lie within [{low}] to [{high}]: move its origin, or turn its normal round"
+    )

@@ -15,7 +15,7 @@ from geom2iga.picture import scene
 from geom2iga.picture.scene import ABOVE, Layer
 from geom2iga.picture.skin import outer_faces
 from geom2iga.tables import Units
-from post.case import Cut, Look
+from post.case import Look
 from post.fields import Samples
 from post.plots import cut as cutting
 from post.plots.deformation import deformation_scale, size_of, stress_of
@@ -23,6 +23,7 @@ from post.plots.lines import Family, knot_lines
 from post.plots.page import LINE, Remarks, coloured, draw_page
 from post.plots.style import NO_UNITS, Label, Scale, scale_between, scale_of
 from post.quantities import QUANTITIES, Quantity
+from post.wanted import nothing_behind
 from solve.result import Result
 
 ALL = Look()
@@ -97,7 +98,8 @@ def draw_bodies(
         inside = cutting.cut_faces(samples, names, quantity, cut, look.knot_lines)
         surfaces, lines = ([*cutting.behind(a, cut), *b] for a, b in zip((surfaces, lines), inside, strict=True))
         if not surfaces:
-            raise CaseError(_nothing_behind(samples, faces, look.cut))
+            points = np.concatenate([samples.face(face).points for face in faces])
+            raise CaseError(nothing_behind(look.cut, points))
     colours = _colours(look, surfaces, quantity, _size(samples, faces, quantity))
     style = {**LINE, "line_width": width}
     layers = [coloured(_moved(surfaces, scale), colours), Layer(_moved(lines, scale), style)]
@@ -165,13 +167,3 @@ def _size(samples: Samples, faces: Sequence[Face], quantity: Quantity) -> float:
     name = {"length": "displacement", "stress": "stress"}[quantity.dimension]
     largest = max(float(np.nanmax(np.abs(getattr(samples.face(face), name)), initial=0.0)) for face in faces)
     return largest if quantity.dimension == "length" else max(largest, stress_of(samples.result))
-
-
-def _nothing_behind(samples: Samples, faces: Sequence[Face], cut: Cut) -> str:
-    """Say that a plane leaves nothing to draw."""
-    points = np.concatenate([samples.face(face).points for face in faces])
-    low, high = (", ".join(f"{x:.4g}" for x in end) for end in (points.min(axis=0), points.max(axis=0)))
-    return (
-        f"cut: nothing lies behind the plane through {cut.origin} with normal {cut.normal}, the bodies drawn reach "
-        f"from ({low}) to ({high}): move its origin, or turn its normal round"
-    )
