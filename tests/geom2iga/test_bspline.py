@@ -37,11 +37,11 @@ def inserted_knots(draw, knots, degree):
 
 
 @given(open_knot_vectors())
-def test_basis_functions_and_three_derivatives_equal_scipys(spline):
+def test_basis_functions_and_up_to_three_derivatives_equal_scipys(spline):
     knots, degree = spline
     xi = points_over(knots)
     expected = BSpline(knots, np.eye(len(knots) - degree - 1), degree)
-    for order, found in enumerate(dense_basis(knots, degree, xi, 3)):
+    for order, found in enumerate(dense_basis(knots, degree, xi, min(3, degree))):  # beyond, scipy 1.13 crashes
         np.testing.assert_allclose(found, expected(xi, order), rtol=0, atol=1e-13 * max(1, abs(found).max()))
 
 
