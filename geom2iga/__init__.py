@@ -6,6 +6,7 @@
 Patch('cube', degree 2, 1 x 1 x 1 spans, polynomial, 27 control points in a box of 1 x 1 x 1)
 """
 
+from geom2iga import start  # noqa: F401 - before all that takes its time
 from geom2iga.build import build, build_from_gmsh
 from geom2iga.case import GeometryCase
 from geom2iga.errors import CaseError, GeometryError, NotConvergedError, UserError, VerificationError

@@ -9,14 +9,17 @@ from pathlib import Path
 from typing import Any
 
 from geom2iga.build import build
+from geom2iga.cad.script import inputs
 from geom2iga.case import GeometryCase
 from geom2iga.display import counted
+from geom2iga.errors import CaseError
 from geom2iga.exchange.formats import EXPORTS
 from geom2iga.files import FORMAT, VERSION, read_model, read_stamp, write_model
 from geom2iga.model import Model
 from geom2iga.patch import Patch
 from geom2iga.quality.certificate import summarised
-from geom2iga.stage import Stage, discard, fingerprint, log, run_command, uninterrupted
+from geom2iga.signals import uninterrupted
+from geom2iga.stage import Stage, discard, fingerprint, log, run_command
 from geom2iga.tables import Case, checked
 
 FILE = "geometry.h5"
@@ -24,9 +27,9 @@ PICTURES = ("geometry.png", "faces.png", "control_net.png")
 
 
 def stamp(case: Case, folder: Path) -> str:
-    """Fingerprint the [geometry] table and the CAD files that it names."""
+    """Fingerprint the [geometry] table, the CAD files that it names and what scripts among them include."""
     geometry = checked(case, GeometryCase).geometry
-    files = [case.folder / file for file in geometry.files]
+    files = [path for file in geometry.files for path in inputs(case.folder / file)]
     contents = [hashlib.sha256(file.read_bytes()).hexdigest() if file.is_file() else None for file in files]
     return fingerprint(geometry.model_dump(), contents)
 
@@ -35,6 +38,7 @@ def run(case: Case, folder: Path, stamp: str) -> None:
     """Build the model and write geometry.h5; what shows another geometry is removed."""
     began = time.perf_counter()
     model = build(case)
+    _check_unchanged(case, folder, stamp)
     discard(folder)
     for name in (*PICTURES, *(export.file for export in EXPORTS.values())):
         (folder / name).unlink(missing_ok=True)
@@ -42,6 +46,12 @@ def run(case: Case, folder: Path, stamp: str) -> None:
     for body in model.bodies:
         log.info("%s", describe(model, body))
     log.info("geom2iga: %s, %.2f s", count(model), time.perf_counter() - began)
+
+
+def _check_unchanged(case: Case, folder: Path, before: str) -> None:
+    """Raise CaseError where a CAD file changed: nobody knows which of both was read."""
+    if stamp(case, folder) != before:
+        raise CaseError("a CAD file was changed while it was read: run it again")
 
 
 def count(model: Model) -> str:

@@ -5,7 +5,20 @@ from typing import Annotated, Any, Self
 import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
-from geom2iga.tables import Count, Degrees, Direction, Name, Number, Positive, SpansEach, Table, Vector
+from geom2iga.tables import (
+    Count,
+    Degrees,
+    Direction,
+    Finite,
+    Moderate,
+    Name,
+    Number,
+    Positive,
+    SpansEach,
+    Table,
+    Vector,
+    repeated,
+)
 
 Tags = Annotated[tuple[Count, ...], Field(min_length=1)]
 
@@ -31,7 +44,7 @@ class Rotation(Table):
 
     @model_validator(mode="after")
     def _has_direction(self) -> Self:
-        if not np.linalg.norm(self.axis) > 0:
+        if not any(self.axis):
             raise ValueError("the axis of rotation has no direction")
         return self
 
@@ -61,7 +74,7 @@ class Selector(Table):
 
     @model_validator(mode="after")
     def _has_direction(self) -> Self:
-        if self.normal is not None and not np.linalg.norm(self.normal) > 0:
+        if self.normal is not None and not any(self.normal):
             raise ValueError("the normal has no direction")
         return self
 
@@ -84,9 +97,7 @@ class Grading(Table):
     """Spans that grow away from named faces, in a geometric sequence."""
 
     toward: str = Field(description="faces where the spans are smallest, such as bottom")
-    ratio: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=1)] = Field(
-        description="largest span over smallest"
-    )
+    ratio: Annotated[float, Finite, Field(ge=1), Moderate] = Field(description="largest span over smallest")
     equal: Count = Field(1, description="so many spans next to the faces are of one size, before they grow")
 
 
@@ -120,10 +131,8 @@ class Body(Mesh):
 
     @model_validator(mode="after")
     def _named_once(self) -> Self:
-        names = [faces.name for faces in self.faces]
-        for name in names:
-            if names.count(name) > 1:
-                raise ValueError(f'two groups of faces are called "{name}"')
+        if name := repeated(faces.name for faces in self.faces):
+            raise ValueError(f'two groups of faces are called "{name}"')
         return self
 
 

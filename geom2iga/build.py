@@ -1,30 +1,30 @@
 """From the [geometry] table, or the model that is open in gmsh, to a Model."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from math import radians
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from geom2iga.assembly import Joined, assembled, face_groups, joined, with_mesh
 from geom2iga.body_case import Body
-from geom2iga.bspline import Array
 from geom2iga.cad import session as cad
 from geom2iga.cad.case import Cad, CadModel, Import
 from geom2iga.cad.conversion import Built, convert
 from geom2iga.cad.importing import read_cad, read_gmsh
 from geom2iga.case import Block, GeometryCase
-from geom2iga.errors import CaseError, UserError
+from geom2iga.errors import CaseError, GeometryError, UserError
 from geom2iga.exchange.gismo import read_gismo
 from geom2iga.model import Face, Model, Part, side_faces
 from geom2iga.patch import Patch
 from geom2iga.progress import progress, tracked
 from geom2iga.shapes.case import Primitive
+from geom2iga.shapes.primitives import placed
 from geom2iga.tables import Case, Source, Table, as_case, checked
+
+SMALLEST, LARGEST = 1e-50, 1e50  # of a patch [length]: products of several volumes remain numbers
 
 Tags = Mapping[str, tuple[int, ...]]
 
@@ -60,6 +60,7 @@ def build(source: Source) -> Model:
     for where, table in tracked(list(geometry.tables), "bodies"):
         with _told(where, getattr(table, "name", None)):
             built, physical = _built(table, folder, geometry.degree)
+            _check_sizes(built)
             found = [joined(each) for each in built]
         named = face_groups(table, where, found, physical)
         with _told(where, getattr(table, "name", None)):
@@ -67,6 +68,17 @@ def build(source: Source) -> Model:
         bodies += found
         groups.append(named)
     return assembled(bodies, patches, groups)
+
+
+def _check_sizes(bodies: Sequence[Built]) -> None:
+    """Raise GeometryError where a volume could be too small or too large a number."""
+    for patch in [patch for body in bodies for patch in body.part.patches]:
+        size = float(np.ptp(patch.control_points, axis=(0, 1, 2)).max())
+        if not SMALLEST <= size <= LARGEST:
+            raise GeometryError(
+                f'patch "{patch.name}" is {size:.3g} long, from {SMALLEST:g} to {LARGEST:g} can be computed with: '
+                "choose another unit of length"
+            )
 
 
 @contextmanager
@@ -144,18 +156,28 @@ def _chosen(part: Part, table: Import) -> Part:
 
 
 def _built_block(block: Block, degrees: tuple[int, int, int]) -> Built:
-    """Build a cuboid in gmsh and read it back."""
+    """Build a cuboid in gmsh with edges from 1/2 to 1, read it back, and bring it to its size and place."""
+    size, powers = np.frexp(block.size)
     table = CadModel(name=block.name)
     with cad.session():
-        cad.add_block(block)
+        cad.add_block(size)
         source = read_gmsh(table)
-    (built,) = convert(source, table, _axes(block))
-    return replace(built, mesh=block, knots=block.knot_vectors(block.degree or degrees))
+    (built,) = convert(source, table)
+    (patch,) = built.part.patches
+    part = replace(built.part, patches=(replace(patch, control_points=np.ldexp(patch.control_points, powers)),))
+    (way, distance), largest = built.ways[block.name], int(powers.max())
+    return replace(
+        built,
+        part=placed(part, block.origin, *_rotation(block)),
+        mesh=block,
+        ways={block.name: (way, None if distance is None else float(np.ldexp(distance, largest)))},
+        knots=block.knot_vectors(block.degree or degrees),
+    )
 
 
-def _axes(block: Block) -> Array:
-    """Where the edges of a block point after its rotation, (3, 3) by rows."""
+def _rotation(block: Block) -> tuple[Any, ...]:
+    """Axis, angle and a point of the axis, for `placed`; nothing where a block is not rotated."""
     if block.rotate is None:
-        return np.eye(3)
-    axis = np.array(block.rotate.axis) / np.linalg.norm(block.rotate.axis)
-    return Rotation.from_rotvec(axis * radians(block.rotate.angle)).as_matrix().T
+        return ()
+    centre = tuple(start + size / 2 for start, size in zip(block.origin, block.size, strict=True))
+    return block.rotate.axis, block.rotate.angle, block.rotate.about or centre

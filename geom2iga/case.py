@@ -10,7 +10,7 @@ from geom2iga import bspline
 from geom2iga.body_case import Body, OnePatch, Rotation
 from geom2iga.cad.case import Cad, Import
 from geom2iga.shapes.case import Cylinder, DomedBlock, Extrusion, Hemisphere, Pipe, Revolution, Sphere
-from geom2iga.tables import Degrees, Direction, Name, Positive, Table, Units, Vector
+from geom2iga.tables import Degrees, Direction, Name, Positive, Table, Units, Vector, repeated
 
 
 class Block(OnePatch):
@@ -75,9 +75,8 @@ class Geometry(Table):
         if not tables:
             raise ValueError("there is no body: add a [[geometry.block]]")
         names = [part.name for table in tables for part in (getattr(table, "bodies", ()) or (table,))]  # type: ignore
-        for name in names:
-            if name is not None and names.count(name) > 1:
-                raise ValueError(f'two bodies are called "{name}"')
+        if name := repeated(name for name in names if name is not None):
+            raise ValueError(f'two bodies are called "{name}"')
         for number, block in enumerate(self.block):
             try:
                 block.knot_vectors(block.degree or self.degree)

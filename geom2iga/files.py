@@ -1,6 +1,7 @@
 """geometry.h5: a model written and read back exactly."""
 
 import io
+import logging
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -15,59 +16,92 @@ from geom2iga.model import Glued, Model
 from geom2iga.patch import Face, Patch
 from geom2iga.quality.certificate import Certificate
 from geom2iga.quality.jacobian import Jacobian
+from geom2iga.seal import ANEW, SIZE, check_no_folder, seal, unsealed
+from geom2iga.signals import uninterrupted
+from geom2iga.temporary import temporary_path
 
-FORMAT, VERSION = "geom2iga geometry", 2
+log = logging.getLogger("geom2iga")
+
+FORMAT, VERSION = "geom2iga geometry", 3
 
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
     """Yield a temporary path beside `path` that takes its name at the end, if no error came in between."""
-    temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
+    check_no_folder(path)
+    temporary = temporary_path(path)
     try:
         yield temporary
         os.replace(temporary, path)
+    except OSError as error:
+        if error.errno is not None and error.filename in (None, str(temporary), temporary):
+            error.filename = str(path)  # so that users read of no file that they never see
+        raise
     finally:
         temporary.unlink(missing_ok=True)
 
 
 @contextmanager
 def created(path: Path, form: str, version: int, stamp: str) -> Iterator[h5py.File]:
-    """Fill one of our HDF5 files in memory, then write it: HDF5 itself dies of a full disk."""
+    """Fill one of our HDF5 files in memory, seal it, then write it: HDF5 itself dies of a full disk."""
     content = io.BytesIO()
-    with h5py.File(content, "w") as file:
+    with uninterrupted(), h5py.File(content, "w", userblock_size=SIZE) as file:
         file.attrs.update({"format": form, "version": version, "stamp": stamp})
         yield file
-    with replacing(path) as temporary:
-        temporary.write_bytes(content.getbuffer())
+    with content.getbuffer() as buffer:
+        buffer[:SIZE] = seal(form, version, buffer[SIZE:])
+        with replacing(path) as temporary:
+            temporary.write_bytes(buffer)
 
 
 @contextmanager
-def opened(path: Path, form: str, version: int) -> Iterator[h5py.File]:
-    """Open one of our HDF5 files for reading.
+def opened(path: Path, form: str, version: int, stamp: str | None = None, remedy: str = ANEW) -> Iterator[h5py.File]:
+    """Open one of our HDF5 files for reading, once it is known to be whole: HDF5 itself may die of a damaged one.
+
+    Parameters
+    ----------
+    stamp : str
+        What it must have been made from; None takes any.
+    remedy : str
+        What to do where it is not what it must be.
 
     Raises
     ------
     CaseError
-        The file is missing, unreadable, of another format or version, or incomplete.
+        The file is missing, unreadable, of another format, version or stamp, damaged or incomplete.
     """
-    try:
-        with h5py.File(path) as file:
-            found = (file.attrs.get("format"), file.attrs.get("version"))
-            if found != (form, version):
-                raise CaseError(f"{path}: expected {form} version {version}, found {found}; make it anew")
-            yield file
-    except FileNotFoundError:
-        raise CaseError(f"{path}: no such file") from None
-    except (AttributeError, KeyError, OSError, RuntimeError, TypeError, ValueError) as error:
-        raise CaseError(f"{path}: damaged ({error}); delete it and make it anew") from None
+    with unsealed(path, form, version, remedy) as content, uninterrupted():
+        try:
+            with h5py.File(content) as file:
+                if stamp not in (None, file.attrs["stamp"]):
+                    raise CaseError(f"{path}: made from another case, or from this one before it changed; {remedy}")
+                yield file
+        except (ArithmeticError, AttributeError, LookupError, OSError, RuntimeError, TypeError, ValueError) as error:
+            raise CaseError(f"{path}: damaged ({' '.join(str(error).split())}); {remedy}") from None
+
+
+def check_stamp(path: Path, form: str, version: int, stamp: str, remedy: str) -> None:
+    """Raise CaseError where a file is not whole or not made from what it should be."""
+    with opened(path, form, version, stamp, remedy):
+        pass
 
 
 def read_stamp(path: Path, form: str, version: int) -> str | None:
-    """Return what a file says it was made from; None where there is no such file or it cannot be read."""
+    """Return what a file says it was made from; None where there is no such file, or one that cannot be believed.
+
+    Raises
+    ------
+    CaseError
+        A folder has its name, so that none can be made anew.
+    """
+    check_no_folder(path)
+    if not os.path.lexists(path):
+        return None
     try:
-        with opened(path, form, version) as file:
+        with opened(path, form, version, remedy="it is not used") as file:
             return str(file.attrs["stamp"])
-    except CaseError:
+    except CaseError as error:
+        log.warning("%s", error)
         return None
 
 
@@ -77,9 +111,9 @@ def write_model(path: str | Path, model: Model, stamp: str = "") -> None:
         put_model(file, model)
 
 
-def read_model(path: str | Path) -> Model:
-    """Read geometry.h5; raise CaseError where it is missing or damaged."""
-    with opened(Path(path), FORMAT, VERSION) as file:
+def read_model(path: str | Path, stamp: str | None = None, remedy: str = ANEW) -> Model:
+    """Read geometry.h5; raise CaseError where it is missing, damaged or, given a stamp, made from something else."""
+    with opened(Path(path), FORMAT, VERSION, stamp, remedy) as file:
         return get_model(file)
 
 

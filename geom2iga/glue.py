@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from geom2iga.bspline import Array, Indices
 from geom2iga.model import Face, Glued, oriented
-from geom2iga.patch import Patch, evaluate, surface
+from geom2iga.patch import Patch, evaluate, resolution, surface
 from geom2iga.spline import Spline, adapted, united
 
 MEETS = 1e-7  # how far apart corners and faces may lie that are one, in sizes of the body: OpenCASCADE's own tolerance
@@ -55,7 +55,7 @@ def find_glued(patches: Sequence[Patch]) -> tuple[Glued, ...]:
     by_name = {patch.name: patch for patch in patches}
     surfaces = [surface(by_name[face.patch], face) for face in faces]
     corners = np.array([s.control_points[np.ix_([0, -1], [0, -1])].reshape(4, 3) for s in surfaces])
-    reach = MEETS * float(np.ptp(corners.reshape(-1, 3), axis=0).max())
+    reach = MEETS * float(np.ptp(corners.reshape(-1, 3), axis=0).max()) + resolution(corners)
     numbers = clusters(corners.reshape(-1, 3), reach).reshape(-1, 4)
     alike = defaultdict(list)
     for number, around in enumerate(numbers):

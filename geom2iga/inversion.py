@@ -6,6 +6,7 @@ start of its own.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import reduce
 from itertools import product
 from typing import NamedTuple
@@ -16,7 +17,7 @@ from geom2iga import bspline
 from geom2iga.bspline import Array, Indices, Mask, find_spans
 from geom2iga.errors import CaseError, suggestion
 from geom2iga.model import Model
-from geom2iga.patch import Patch, chunks, evaluate, refined
+from geom2iga.patch import Patch, chunks, evaluate, refined, resolution
 
 TOLERANCE = 1e-9  # distance from the volume, in sizes of it, up to which a point lies in it
 FEWEST = 8  # pieces per direction that a volume is cut into at least
@@ -52,7 +53,9 @@ def locate(patch: Patch, points: Array) -> tuple[Mask, Array]:
     xi : (q, 3)
         Not a number where it does not.
     """
-    tree = _plant(patch)
+    origin = patch.control_points[0, 0, 0]  # differences from it, so that a place far away costs no digits
+    tolerance, points = _tolerance(patch), points - origin
+    tree = _plant(replace(patch, control_points=patch.control_points - origin), tolerance)
     found, xi = np.zeros(len(points), dtype=bool), np.full((len(points), 3), np.nan)
     for part in chunks(len(points), SEARCHED):
         found[part], xi[part] = _locate_some(tree, points[part])
@@ -96,7 +99,8 @@ def find_in_model(model: Model, points: Array, body: str | None = None) -> tuple
 
 def _tolerance(patch: Patch) -> float:
     """Distance from a volume up to which a point lies in it [length]."""
-    return TOLERANCE * float(np.ptp(patch.control_points.reshape(-1, 3), axis=0).max())
+    points = patch.control_points.reshape(-1, 3)
+    return TOLERANCE * float(np.ptp(points, axis=0).max()) + resolution(points)
 
 
 def _in_box(patch: Patch, points: Array) -> Mask:
@@ -105,10 +109,10 @@ def _in_box(patch: Patch, points: Array) -> Mask:
     return ((points >= corners.min(axis=0) - slack) & (points <= corners.max(axis=0) + slack)).all(axis=1)
 
 
-def _plant(patch: Patch) -> Tree:
+def _plant(patch: Patch, tolerance: float) -> Tree:
     """Cut a volume into pieces, put boxes around them, and join these in twos along each direction, up to one."""
     fine = refined(patch, knots=[_cuts(at) for at in patch.breaks])
-    spans, tolerance = [], _tolerance(patch)
+    spans = []
     lower = upper = fine.control_points
     for axis, (knots, degree, at) in enumerate(zip(fine.knots, fine.degrees, fine.breaks, strict=True)):
         spans.append(find_spans(knots, degree, at[:-1]))

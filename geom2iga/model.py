@@ -12,7 +12,7 @@ import numpy as np
 
 from geom2iga.display import MOST, boxed, counted, html_table, shortened
 from geom2iga.errors import CaseError, suggestion
-from geom2iga.patch import Face, Patch, surface
+from geom2iga.patch import Face, Patch, resolution, surface
 from geom2iga.quality.certificate import Certificate
 
 SIDES = ("left", "right", "front", "back", "bottom", "top")  # x0 x1 y0 y1 z0 z1
@@ -120,7 +120,8 @@ class Model:
         apart = float(np.abs(first.control_points - points).max())
         shares = first.weights / oriented(second.weights, pair.orientation)  # a common factor changes no map
         uneven = float(np.ptp(shares) / shares.max())
-        if apart > SAME * self._sizes[self.body_of(pair.first.patch)] or uneven > SAME:
+        near = SAME * self._sizes[self.body_of(pair.first.patch)] + resolution(points)
+        if apart > near or uneven > SAME:
             raise ValueError(f"{where} are glued but lie {apart:g} apart, their weights {uneven:g}")
 
     @cached_property

@@ -18,6 +18,7 @@ from geom2iga.display import boxed, html_table
 CHUNK = 4_000_000  # numbers in the largest temporary array of an evaluation
 FLAT = 1e-9  # how far from plane, straight or affine, in sizes of the patch
 EQUAL = 1e-14  # weights that differ less, relative, are the same
+ROUNDED = 8 * float(np.finfo(float).eps)  # what places may be off by, in units of the farthest coordinate
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,11 +117,21 @@ class Patch:
         """Whether weights differ, by more than rounding; if not, they do not matter."""
         return bool(np.ptp(self.weights) > EQUAL * self.weights.max())
 
-    @cached_property
+    @property
     def is_affine(self) -> bool:
         """Whether position is an affine function of the parameters."""
+        return self.is_affine_within(resolution(self.control_points))
+
+    def is_affine_within(self, rounding: float) -> bool:
+        """The same, of control points that are off by so much as they are rounded [length]."""
+        size = float(np.ptp(self.control_points.reshape(-1, 3), axis=0).max())
+        return self._bent <= FLAT * size + rounding
+
+    @cached_property
+    def _bent(self) -> float:
+        """How far position is from an affine function of the parameters [length]."""
         if np.ptp(self.weights) > FLAT * self.weights.max():
-            return False
+            return np.inf
         points = self.control_points
         corner = points[(0,) * self.directions]
         misfit = points - corner
@@ -130,7 +141,7 @@ class Patch:
             edge = points[tuple(-1 if axis == d else 0 for axis in range(self.directions))] - corner
             others = tuple(axis for axis in range(self.directions) if axis != d)
             misfit = misfit - np.expand_dims(np.multiply.outer(share, edge), others)
-        return bool(np.abs(misfit).max() <= FLAT * np.ptp(points.reshape(-1, 3), axis=0).max())
+        return float(np.abs(misfit).max())
 
     def __repr__(self) -> str:
         return f"Patch({self.name!r}, {', '.join(self._facts.values())})"
@@ -263,12 +274,19 @@ def evaluate(
         local = coefficients[functions.indices]
         for result, kind in zip(results, kinds, strict=True):
             result[part] = np.einsum("qa...,qak->qk...", getattr(functions, kind), local, optimize=True)
+            if kind == "values":
+                local = local - local[:, :1] if order else local  # so that far from the origin slopes keep their digits
     return results
 
 
 def chunks(count: int, size: int) -> Iterator[slice]:
     """Yield slices that cover range(count), each at most `size` long."""
     return (slice(start, min(start + size, count)) for start in range(0, count, size))
+
+
+def resolution(points: Array) -> float:
+    """How far places (..., 3) may be off as numbers are rounded, which grows with the way to the origin [length]."""
+    return ROUNDED * float(np.abs(points).max(initial=0.0))
 
 
 def surface(patch: Patch, face: Face) -> Patch:

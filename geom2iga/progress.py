@@ -75,6 +75,13 @@ def noted(text: str) -> None:
         jobs.note(text)
 
 
+def hide() -> None:
+    """Wipe the bars away and give the cursor back, where the process is about to end in the middle of a job."""
+    jobs = _JOBS.get()
+    if jobs is not None:
+        jobs.hide()
+
+
 @contextmanager
 def turned_on(console: "Console | None") -> Iterator[None]:
     """Let jobs inside show bars on a terminal, and log how long each took that is no part of another one.

@@ -1,6 +1,7 @@
 """Closest points on NURBS surfaces."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -8,13 +9,14 @@ from scipy.spatial import cKDTree
 
 from geom2iga import bounding
 from geom2iga.bspline import Array, Indices, Mask, applied, basis, find_spans
-from geom2iga.patch import Patch, chunks, evaluate
+from geom2iga.patch import Patch, chunks, evaluate, resolution
 
 MOST_PASSES = 80
 ROUNDING = 1e-13  # a step of this fraction of the parameter range is the last one
 ENOUGH = 1e-8  # as is a Newton step of this fraction, after which the error is its square
 FLAT = 1e-10  # smallest curvature of the squared distance that a step relies on, of a plane's
 NORMAL = 1e-9  # largest cosine of the connecting line with a tangent, its length in sizes of the surface
+TURNED = 1e-12  # the same, its length in units of itself: what rounding in the parameters turns it by
 VANISHING = 1e-6  # a tangent shorter than this fraction of the other has no direction, as at a pole
 SEARCHED = 16_384  # points at a time
 MOVED = 4_096  # points at a time
@@ -47,7 +49,8 @@ def closest_points(surface: Patch, points: Array, start: Array | None = None) ->
         return closest_on([surface], points)[1]
     low, high = (np.array([knots[end] for knots in surface.knots]) for end in (0, -1))
     limits = np.broadcast_to(np.stack([low, high]), (len(points), 2, 2))
-    xi, _ = _descend(_expand(surface), points, np.clip(start, low, high), limits, high - low)
+    (near,), places = _about_origin([surface], points)
+    xi, _ = _descend(_expand(near), places, np.clip(start, low, high), limits, high - low)
     return _feet([surface], np.zeros(len(points), dtype=np.int64), points, xi)
 
 
@@ -70,13 +73,21 @@ def closest_on(surfaces: Sequence[Patch], points: Array) -> tuple[Indices, Foot]
     foot : Foot
         Where on it.
     """
-    forest = bounding.plant(surfaces)
-    expansions = [_expand(surface) for surface in surfaces]
+    near, places = _about_origin(surfaces, points)
+    forest = bounding.plant(near)
+    expansions = [_expand(surface) for surface in near]
     tree = cKDTree(forest.leaves.centre)
     which, xi = np.zeros(len(points), dtype=np.int64), np.zeros((len(points), 2))
     for part in chunks(len(points), SEARCHED):
-        which[part], xi[part] = _search(forest, expansions, tree, points[part])
+        which[part], xi[part] = _search(forest, expansions, tree, places[part])
     return which, _feet(surfaces, which, points, xi)
+
+
+def _about_origin(surfaces: Sequence[Patch], points: Array) -> tuple[list[Patch], Array]:
+    """Move surfaces and points so that the surfaces lie about the origin: a place far away costs no digits."""
+    corner = surfaces[0].control_points[0, 0]
+    origin = corner + np.mean([(s.control_points - corner).mean(axis=(0, 1)) for s in surfaces], axis=0)
+    return [replace(s, control_points=s.control_points - origin) for s in surfaces], points - origin
 
 
 def _feet(surfaces: Sequence[Patch], which: Indices, points: Array, xi: Array) -> Foot:
@@ -85,11 +96,14 @@ def _feet(surfaces: Sequence[Patch], which: Indices, points: Array, xi: Array) -
     for number, surface in enumerate(surfaces):
         own = np.flatnonzero(which == number)
         feet[own], tangents = evaluate(surface, xi[own], 1)
-        slope = np.abs(np.einsum("qk,qkd->qd", feet[own] - points[own], tangents))
+        offset = feet[own] - points[own]
+        slope = np.abs(np.einsum("qk,qkd->qd", offset, tangents))
         size = np.max(np.ptp(surface.control_points.reshape(-1, 3), axis=0))
         length = np.linalg.norm(tangents, axis=1)
         length = np.maximum(length, VANISHING * length.max(axis=1, keepdims=True))
-        inside[own] = np.all(slope <= NORMAL * size * length, axis=1)
+        rounded = resolution(surface.control_points) + resolution(points[own])
+        off = NORMAL * size + TURNED * np.linalg.norm(offset, axis=1) + rounded
+        inside[own] = np.all(slope <= off[:, None] * length, axis=1)
     return Foot(xi, feet, inside)
 
 

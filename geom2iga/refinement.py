@@ -12,6 +12,7 @@ from geom2iga.body_case import Grading, Mesh, OnePatch
 from geom2iga.bspline import Array, breaks, open_knots
 from geom2iga.errors import CaseError
 from geom2iga.glue import Edge, in_space, respaced
+from geom2iga.limits import check_memory
 from geom2iga.model import Face, Glued
 from geom2iga.patch import Patch, elevated, evaluate, refined
 from geom2iga.spline import united
@@ -20,6 +21,7 @@ LENGTH_SAMPLES = 257  # points that measure the length of a line, between the br
 LINES = (0.0, 0.25, 0.5, 0.75, 1.0)  # where in the other directions lengths are measured
 MOST_SPANS = 10_000  # along one direction of a patch
 MOST_POINTS = 100_000_000  # of a body: three gigabytes of coordinates and weights
+CONTROL_POINT = 150  # bytes of a control point while it is made, measured
 LONGER = 1e-4  # by which a span may exceed the size asked for: what those points leave open
 
 
@@ -75,6 +77,7 @@ def _check_size(spaces: Sequence[Sequence[tuple[int, Array]]]) -> None:
     points = sum(prod(len(knots) - degree - 1 for degree, knots in each) for each in spaces)
     if points > MOST_POINTS:
         raise CaseError(f"the mesh asks for {points:.3g} control points, more than {MOST_POINTS:.0g}: take fewer spans")
+    check_memory(f"{points} control points", CONTROL_POINT * points, "take fewer spans or a lower degree")
 
 
 def _graded_faces(gradings: Sequence[Grading], faces: Mapping[str, Sequence[Face]]) -> dict[Face, set[Growth]]:
@@ -164,7 +167,8 @@ def _longest(at: Array, fine: Array, arcs: Array) -> float:
 
 
 def with_knots(patch: Patch, degrees: Sequence[int], wanted: Sequence[Array]) -> Patch:
-    """Give a trilinear patch degrees and open knot vectors, whatever range these have."""
+    """Give a trilinear patch degrees and open knot vectors, whatever range these have; raise CaseError for too many."""
+    _check_size([list(zip(degrees, wanted, strict=True))])
     ends = tuple(np.repeat(knots[[0, -1]], 2) for knots in wanted)
     coarse = elevated(replace(patch, knots=ends), degrees)
     return refined(coarse, knots=[knots[p + 1 : -p - 1] for knots, p in zip(wanted, degrees, strict=True)])

@@ -4,11 +4,8 @@ import argparse
 import hashlib
 import json
 import logging
-import signal
-import threading
 import traceback
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -16,15 +13,19 @@ from typing import Any
 
 from geom2iga.errors import CaseError, UserError, VerificationError
 from geom2iga.flags import command_parser, completion
+from geom2iga.limits import limited
 from geom2iga.progress import turned_on
 from geom2iga.schema import schema
+from geom2iga.seal import check_no_folder, listed
+from geom2iga.signals import exit_code, interruptible
 from geom2iga.starter import write_starter
 from geom2iga.tables import Case, Table, checked, read_case
-from geom2iga.terminal import log_to, print_data, print_json, talk
+from geom2iga.terminal import log_to, print_data, print_json, talking
+from geom2iga.threads import threads
 
 log = logging.getLogger("geom2iga")
 
-OUR_BUG, INTERRUPTED = 1, 130
+OUR_BUG = 1
 
 
 @dataclass(frozen=True)
@@ -86,7 +87,7 @@ def run_command(description: str, stages: Sequence[Stage], arguments: Sequence[s
     """Run the stages of one command on a case file and return the exit code.
 
     0 done or up to date; 1 our bug; 2 bad command or case; 3 geometry; 4 not converged; 5 verification missed;
-    130 interrupted.
+    130 interrupted, 143 or 129 by SIGTERM or SIGHUP.
     """
     program = stages[0].name if len(stages) == 1 else "iga-run"
     parser = command_parser(program, description, program_version(), [stage.flags for stage in stages])
@@ -97,18 +98,19 @@ def run_command(description: str, stages: Sequence[Stage], arguments: Sequence[s
     if options.schema:
         print_json(schema([stage.tables for stage in stages], program))
         return 0
-    with turned_on(talk(options.quiet, options.verbose)):
-        return _guarded(program, lambda: _run(program, options, stages))
+    with talking(options.quiet, options.verbose) as console, turned_on(console):
+        return _guarded(program, lambda: _limited(program, options, stages))
 
 
 def _guarded(program: str, work: Callable[[], int]) -> int:
     """Turn what goes wrong into messages and exit codes."""
     try:
-        return work()
+        with interruptible():
+            return work()
     except UserError as error:
         return _failed(error.exit_code, str(error))
-    except KeyboardInterrupt:
-        return _failed(INTERRUPTED, "interrupted; stages that had ended are kept")
+    except KeyboardInterrupt as error:
+        return _failed(exit_code(error), "interrupted; stages that had ended are kept")
     except MemoryError:
         return _failed(CaseError.exit_code, "there is not enough memory for this case: take fewer spans or samples")
     except OSError as error:
@@ -123,6 +125,12 @@ def _guarded(program: str, work: Callable[[], int]) -> int:
         return _failed(
             OUR_BUG, f"{type(error).__name__}: {error}. This is a bug in {program}: please report it; {where}"
         )
+
+
+def _limited(program: str, options: Any, stages: Sequence[Stage]) -> int:
+    """Run with as much memory, time and threads as the command may take."""
+    with threads(options.threads), limited(options.max_memory, options.max_time):
+        return _run(program, options, stages)
 
 
 def _run(program: str, options: Any, stages: Sequence[Stage]) -> int:
@@ -143,10 +151,11 @@ def _run(program: str, options: Any, stages: Sequence[Stage]) -> int:
             log.info("%s: %s", stage.name, stage.plan(case))
         return 0
     stages[0].stamp(case, folder)  # raises where an earlier stage has not been run, before anything is written
-    log_to(folder, f"geom2iga {program_version()}")
+    log_file = log_to(folder, f"geom2iga {program_version()}")
     try:
         for stage in stages:
             _run_stage(stage, case, folder, options)
+            log_file.check_there()
     except VerificationError:
         _print_summary(options, stages, folder)
         raise
@@ -162,35 +171,11 @@ def _run_stage(stage: Stage, case: Case, folder: Path, options: Any) -> None:
     stage.extra(case, folder, options)
 
 
-def listed(folder: Path) -> set[str]:
-    """Return the names of the files that summary.json lists, none where there is no such list."""
-    try:
-        names = json.loads((folder / "summary.json").read_text(encoding="utf-8"))["files"]
-        return {name for name in names if Path(name).name == name}
-    except (OSError, ValueError, KeyError, TypeError):
-        return set()
-
-
 def discard(folder: Path) -> None:
     """Remove summary.json and all that it lists, because they no longer show what lies beside them."""
-    for name in (*listed(folder), "summary.json"):
+    check_no_folder(folder / "summary.json")
+    for name in (*listed(folder / "summary.json"), "summary.json"):
         (folder / name).unlink(missing_ok=True)
-
-
-@contextmanager
-def uninterrupted() -> Iterator[None]:
-    """Hold an interruption (Ctrl-C) back until the end: VTK dies of one in the middle of its work."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    received: list[int] = []
-    before = signal.signal(signal.SIGINT, lambda number, _: received.append(number))
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
-        if received:
-            raise KeyboardInterrupt
 
 
 def _failed(code: int, text: str) -> int:

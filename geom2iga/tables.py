@@ -3,21 +3,45 @@
 import copy
 import re
 import tomllib
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
-from geom2iga.errors import CaseError, suggestion
+from geom2iga.errors import CaseError, shown, suggestion
+from geom2iga.explain import explained
 
 TABLES = ("title", "units", "geometry", "solve", "post", "verify")
 
 WORD = r"\w[\w-]{0,49}"  # what a name looks like
 
-Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
-Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0)]
+MOST_INTEGER = 2**63 - 1
+LARGEST, SMALLEST = 1e30, 1e-30  # of numbers: their products and powers in what follows can be computed
+MOST_BYTES = 4 << 20  # of a case file
+MOST_LEVELS = 20  # of lists and tables within each other
+MOST_NUMBERS, MOST_TABLES = 100_000, 2_000  # of one list
+LONG_KEY = re.compile(r"""(?<![\w."'-])([\w"'-]+[ \t]*\.[ \t]*){100}""")  # tomllib's time grows with the square of it
+
+
+def _moderate(value: float) -> float:
+    if abs(value) > LARGEST:
+        raise ValueError(f"should lie between {-LARGEST:g} and {LARGEST:g}, found {value:g}: choose larger units")
+    return value
+
+
+def _not_tiny(value: float) -> float:
+    if value < SMALLEST:
+        raise ValueError(f"should be at least {SMALLEST:g}, found {value:g}: choose smaller units")
+    return value
+
+
+Finite = Field(strict=True, allow_inf_nan=False)
+Moderate = AfterValidator(_moderate)  # after bounds, so that the schema for editors shows these
+Number = Annotated[float, Finite, Moderate]
+Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0), Moderate, AfterValidator(_not_tiny)]
 Count = Annotated[int, Field(strict=True, ge=1)]
 Vector = tuple[Number, Number, Number]
 Direction = tuple[list[Number], list[Number], list[Number]]
@@ -28,7 +52,7 @@ def _three(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return value
     if not isinstance(value, int) or isinstance(value, bool) or value < 1:
-        raise ValueError(f"should be an integer of at least 1, or three of them, found {value!r}")
+        raise ValueError(f"should be an integer of at least 1, or three of them, found {shown(value)}")
     return (value,) * 3
 
 
@@ -70,6 +94,9 @@ class Units(Table):
         return f"{self.force}/{self.length}²" if self.length and self.force else ""
 
 
+T = TypeVar("T")
+
+
 @dataclass(frozen=True)
 class Case:
     """A case file as read: its tables, whose names alone are checked, and the folder its paths are relative to."""
@@ -82,6 +109,7 @@ class Case:
         for key in self.tables:
             if key not in TABLES:
                 raise CaseError(f'{self.name}: unknown table "{key}"; {suggestion(str(key), TABLES)}')
+        _check_size(self.tables, self.name)
 
     def changed(self, values: Mapping[str, Any]) -> "Case":
         """Return a copy with some values replaced or added; the number after the last entry of a list adds one.
@@ -110,19 +138,58 @@ def _place(table: Any, path: list[int | str], value: Any) -> None:
             table = table.setdefault(part, {}) if isinstance(part, str) else table[part]
 
 
+def _check_size(tables: Mapping[str, Any], name: str) -> None:
+    """Raise CaseError for lists that are too long, and for tables in tables in tables without an end."""
+    left: list[tuple[str, Any, int]] = [("", tables, 0)]
+    while left:
+        key, value, level = left.pop()
+        if level > MOST_LEVELS:
+            raise CaseError(f"{name}: {key[:80]}: more than {MOST_LEVELS} lists or tables within each other")
+        if isinstance(value, Mapping):
+            left += [(f"{key}.{part}" if key else str(part), each, level + 1) for part, each in value.items()]
+        elif isinstance(value, int) and abs(value) > MOST_INTEGER:
+            raise CaseError(f"{name}: {key} has more digits than numbers of TOML may have, write it as 1e20 or so")
+        elif isinstance(value, list | tuple):
+            most = MOST_TABLES if any(isinstance(each, Mapping) for each in value[:1]) else MOST_NUMBERS
+            if len(value) > most:
+                raise CaseError(f"{name}: {key} has {len(value)} entries, should have at most {most}")
+            left += [(f"{key}[{n}]", each, level + 1) for n, each in enumerate(value) if not isinstance(each, float)]
+
+
+def repeated(names: Iterable[T]) -> T | None:
+    """Return the first name that stands more than once, None where all differ.
+
+    >>> repeated(["a", "b", "b", "a"]), repeated("abc")
+    ('a', None)
+    """
+    return next((name for name, count in Counter(names).items() if count > 1), None)
+
+
 def read_case(path: str | Path) -> Case:
     """Read a case file; raise CaseError where it is missing, no TOML, or has unknown top-level keys."""
     path = Path(path)
+    too_deep = f"{path}: more than {MOST_LEVELS} lists or tables within each other"
     try:
-        tables = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        with path.open("rb") as file:
+            content = file.read(MOST_BYTES + 1)
+        if len(content) > MOST_BYTES:
+            raise CaseError(f"{path}: longer than {MOST_BYTES >> 20} MB, which no case file is")
+        text = content.decode("utf-8-sig").replace("\r\n", "\n")
+        if LONG_KEY.search(text):
+            raise CaseError(too_deep)
+        tables = tomllib.loads(text)
     except OSError as error:
         raise CaseError(f"{path}: {(error.strerror or str(error)).lower()}; give the path of a case file") from None
+    except RecursionError:
+        raise CaseError(too_deep) from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise CaseError(f"{path}: not a TOML file: {error}") from None
+    except ValueError:  # of int(): Python reads no longer ones
+        raise CaseError(f"{path}: not a TOML file: a number has thousands of digits") from None
     return Case(tables, path.parent, path.name)
 
 
-T = TypeVar("T", bound=Table)
+Kind = TypeVar("Kind", bound=Table)
 Source = str | Path | Mapping[str, Any] | Case | Table
 
 
@@ -137,7 +204,7 @@ def as_case(source: str | Path | Mapping[str, Any] | Case) -> Case:
     return read_case(source)
 
 
-def checked(source: Source, kind: type[T]) -> T:
+def checked(source: Source, kind: type[Kind]) -> Kind:
     """Check what one stage reads of a case.
 
     Parameters
@@ -156,58 +223,8 @@ def checked(source: Source, kind: type[T]) -> T:
     if isinstance(source, Table):
         raise CaseError(f"expected a {kind.__name__}, found a {type(source).__name__}")
     case = as_case(source)
+    tables = {key: case.tables[key] for key in kind.model_fields if key in case.tables}
     try:
-        return kind.model_validate({key: case.tables[key] for key in kind.model_fields if key in case.tables})
+        return kind.model_validate(tables)
     except ValidationError as error:
-        errors = sorted(
-            error.errors(), key=lambda each: each["type"] != "extra_forbidden"
-        )  # a typo before what it leaves out
-        raise CaseError(f"{case.name}: {_explained(errors[0], kind)}") from None
-
-
-WORDS = {  # what pydantic calls things, and what they are in a case file
-    "Input should": "should",
-    "Tuple should": "should",
-    " after validation": "",
-    "valid tuple": "list",
-    "valid dictionary or instance of": "table, a",
-    "valid dictionary": "table",
-    "a valid boolean": "true or false",
-}
-
-
-def _explained(error: Any, kind: type[Table]) -> str:
-    """Turn one pydantic error into: key = value: what is allowed."""
-    key = ""
-    for part in error["loc"]:
-        key += f"[{part}]" if isinstance(part, int) else f".{part}" if key else str(part)
-    message = error["msg"].removeprefix("Value error, ")
-    for theirs, ours in WORDS.items():
-        message = message.replace(theirs, ours)
-    if error["type"] == "extra_forbidden":
-        parent, _, last = key.rpartition(".")
-        return f'unknown key "{last}" in [{parent}]; {suggestion(last, _keys(kind, error["loc"][:-1]))}'
-    if error["type"] == "missing":
-        return f"{key} is missing"
-    if error["type"] == "tuple_type" and isinstance(error["input"], Mapping):
-        name = re.sub(r"\[[0-9]+]", "", key)
-        return f"{key} is one table, should be a list of tables: write [[{name}]]"
-    if error["type"] == "value_error":
-        return f"{key}: {message}" if not message.startswith(("block[", "cad[", "breaks[")) else f"{key}.{message}"
-    return f"{key} = {error['input']!r:.80}: {message[0].lower()}{message[1:]}"
-
-
-def _keys(kind: Any, path: tuple[int | str, ...]) -> list[str]:
-    """Find the keys allowed in the table that a path of keys leads to."""
-    for part in path:
-        fields = {info.alias or name: info for name, info in kind.model_fields.items()}
-        if part in fields:
-            kind = _table_in(fields[part].annotation)
-    return [info.alias or name for name, info in kind.model_fields.items()]
-
-
-def _table_in(annotation: Any) -> Any:
-    """Find the Table class inside an annotation such as tuple[Block, ...] or Rotation | None."""
-    if isinstance(annotation, type) and issubclass(annotation, Table):
-        return annotation
-    return next((found for part in getattr(annotation, "__args__", ()) if (found := _table_in(part))), None)
+        raise CaseError(f"{case.name}: {explained(error, kind, tables)}") from None

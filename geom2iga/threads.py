@@ -1,9 +1,17 @@
-"""Threads of the linear algebra library."""
+"""Threads: how many, of ours and of the libraries."""
 
 import os
-from contextlib import AbstractContextManager
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager
 
 from threadpoolctl import threadpool_limits
+
+VARIABLES = (
+    "OMP_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "OPENBLAS_NUM_THREADS",
+    "LP_NUM_THREADS",
+)  # the last: Mesa's pictures
 
 
 def one_blas_thread() -> AbstractContextManager[object]:
@@ -14,7 +22,31 @@ def one_blas_thread() -> AbstractContextManager[object]:
     return threadpool_limits({"libopenblas": 1, "libscipy_openblas": 1})
 
 
+@contextmanager
+def threads(count: int | None) -> Iterator[None]:
+    """Use so many threads inside, here and in all libraries, be they loaded already or not; None: as it was."""
+    if count is None:
+        yield
+        return
+    before = {name: os.environ.get(name) for name in VARIABLES}
+    os.environ.update(dict.fromkeys(VARIABLES, str(count)))
+    try:
+        with threadpool_limits(count):
+            yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
 def thread_count() -> int:
     """How many threads to use: OMP_NUM_THREADS where it is set, else one per processor that this process may use."""
     wanted = os.environ.get("OMP_NUM_THREADS", "")
-    return int(wanted) if wanted.isdigit() and int(wanted) > 0 else len(os.sched_getaffinity(0))
+    return int(wanted) if wanted.isdigit() and int(wanted) > 0 else _processors()
+
+
+def _processors() -> int:
+    """Processors that this process may use; all of the machine where the system does not tell."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -1,6 +1,5 @@
 """The command iga-post: solution.h5 to VTU files, pictures, summary and checks."""
 
-import json
 import os
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -9,17 +8,19 @@ from pathlib import Path
 from typing import Any
 
 from geom2iga.build import build
-from geom2iga.errors import CaseError, VerificationError
-from geom2iga.stage import Stage, fingerprint, listed, log, run_command
+from geom2iga.errors import CaseError, NotConvergedError, VerificationError
+from geom2iga.files import check_stamp
+from geom2iga.seal import check_no_folder, listed, read_sealed
+from geom2iga.stage import Stage, fingerprint, log, run_command
 from geom2iga.tables import Case, checked
 from post.case import PostCase
 from post.export import export
+from post.memory import check_post
 from post.source import case_text
-from post.summary import write_summary
 from post.wanted import check_wanted
 from solve import __main__ as solution
 from solve.case import SolveCase
-from solve.files import read_result
+from solve.output import write_summary
 
 FILE = "summary.json"
 
@@ -27,27 +28,43 @@ FILE = "summary.json"
 def stamp(case: Case, folder: Path) -> str:
     """Fingerprint the solution, what [post] and [[verify]] ask for, and the text that the report shows."""
     before = solution.stamp(case, folder)
-    if solution.STAGE.written(folder) != before:
-        raise CaseError(f"{folder / solution.FILE} is missing or not made from this case: run iga-solve first")
+    try:
+        check_stamp(folder / solution.FILE, solution.FORMAT, solution.VERSION, before, "run iga-solve first")
+    except CaseError:
+        solution.read_shown(case, folder)  # raises where there is nothing to show
     wanted = checked(case, PostCase)
     return fingerprint(before, wanted.model_dump(), case_text(case) if wanted.post.report else "")
 
 
 def written(folder: Path) -> str | None:
-    """Return the stamp of summary.json, if all files that it lists are there and all checks passed."""
-    try:
-        found = summary(folder)
-        whole = all((folder / name).is_file() for name in found["files"])
-        passed = all(check["passed"] for check in found["verify"])
-        return str(found["stamp"]) if whole and passed else None
-    except (OSError, ValueError, KeyError, TypeError):
+    """Return the stamp of summary.json, if it converged, all files that it lists are there and all checks passed."""
+    check_no_folder(folder / FILE)
+    if not (folder / FILE).exists():
         return None
+    try:
+        found = read_sealed(folder / FILE, "making it anew")
+        whole = all((folder / name).is_file() for name in found["files"])
+        passed = found["status"] == "converged" and all(check["passed"] for check in found["verify"])
+        return str(found["stamp"]) if whole and passed else None
+    except CaseError as error:
+        log.warning("%s", error)
+    except (KeyError, TypeError):  # of a run that was cut off
+        pass
+    return None
 
 
 def run(case: Case, folder: Path, stamp: str) -> None:
-    """Write everything; raise VerificationError where a known answer was missed."""
+    """Write everything.
+
+    Raises
+    ------
+    NotConvergedError
+        What was written shows the last load step that converged, not the last one of the case.
+    VerificationError
+        A known answer was missed.
+    """
     began = time.perf_counter()
-    result = read_result(folder / solution.FILE)
+    result = solution.read_shown(case, folder)
     with _accounted(folder) as before:
         found = export(result, case, folder, stamp)
     for name in before.difference(found["files"]):
@@ -63,6 +80,8 @@ def run(case: Case, folder: Path, stamp: str) -> None:
             contact["pressure_max"],
             gap,
         )
+    if result.diagnosis:
+        raise NotConvergedError(f"iga-post: {result.diagnosis.shown}: {result.status.value}")
     missed = [check for check in found["verify"] if not check["passed"]]
     for check in found["verify"]:
         log.info(
@@ -83,13 +102,14 @@ def run(case: Case, folder: Path, stamp: str) -> None:
 @contextmanager
 def _accounted(folder: Path) -> Iterator[set[str]]:
     """Say in summary.json that what lies there is not up to date, yet whose it is; yield the names that it listed."""
-    before, present = listed(folder), set(os.listdir(folder))
+    before, present = listed(folder / FILE), set(os.listdir(folder))
     write_summary(folder / FILE, {"files": sorted(before)})
     try:
         yield before
     except BaseException:
         with suppress(OSError):  # of a full disk
-            write_summary(folder / FILE, {"files": sorted(before.union(os.listdir(folder)) - (present - before))})
+            found = before.union(os.listdir(folder)) - (present - before) - {FILE}
+            write_summary(folder / FILE, {"files": sorted(found)})
         raise
 
 
@@ -100,13 +120,15 @@ def _listed(value: float | list[float]) -> str:
 
 def summary(folder: Path) -> Mapping[str, Any]:
     """Read summary.json."""
-    return json.loads((folder / FILE).read_text(encoding="utf-8"))
+    return read_sealed(folder / FILE)
 
 
 def plan(case: Case) -> str:
     """Check that what is asked for exists."""
     wanted = checked(case, PostCase)
-    check_wanted(build(case), checked(case, SolveCase).solve.contact, wanted)
+    model, contacts = build(case), checked(case, SolveCase).solve.contact
+    check_wanted(model, contacts, wanted)
+    check_post(model, contacts, wanted.post)
     return f"VTU files, tables, pictures, report, summary and {len(wanted.verify)} checks"
 
 

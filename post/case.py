@@ -6,7 +6,8 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from geom2iga.bspline import Array
-from geom2iga.tables import Name, Number, Positive, Table, Units, Vector
+from geom2iga.display import counted
+from geom2iga.tables import Name, Number, Positive, Table, Units, Vector, repeated
 
 Scalar = Literal[
     "ux",
@@ -144,9 +145,8 @@ class Post(Table):
     @model_validator(mode="after")
     def _names_differ(self) -> Self:
         for key in ("picture", "point", "line"):
-            names = [entry.name for entry in getattr(self, key)]
-            if twice := [name for name in names if names.count(name) > 1]:
-                raise ValueError(f'{key}: two are named "{twice[0]}"')
+            if twice := repeated(entry.name for entry in getattr(self, key)):
+                raise ValueError(f'{key}: two are named "{twice}"')
         return self
 
 
@@ -166,7 +166,7 @@ class Verify(Table):
         wanted = COMPONENTS.get(self.quantity, 1)
         found = len(self.value) if isinstance(self.value, tuple) else 1
         if wanted != found:
-            raise ValueError(f"value: {self.quantity} has {wanted} components, found {found}")
+            raise ValueError(f"value: {self.quantity} has {counted(wanted, 'component', 'components')}, found {found}")
         return self
 
 

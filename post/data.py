@@ -4,13 +4,15 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from geom2iga.progress import tracked
+from geom2iga.signals import uninterrupted
 from post.case import Post
 from post.collection import results_of_steps, write_collection
 from post.fields import Samples
 from post.gauss import gauss_columns, write_gauss
 from post.probes import Probes, write_line, write_point
-from post.summary import write_history, write_load_steps, write_reactions
+from post.summary import write_load_steps, write_reactions
 from post.vtu import body_columns, write_contact
+from solve.output import write_history
 from solve.result import Result
 from solve.rules import full_rules
 
@@ -52,13 +54,15 @@ def size_of_data(result: Result, post: Post, samples: int) -> int:
 
 
 def _size_of_bezier(result: Result, post: Post) -> int:
-    from post.bezier import size_of_bezier  # imports VTK
+    with uninterrupted():
+        from post.bezier import size_of_bezier  # imports VTK, which dies of an interruption
 
     return size_of_bezier(result.model) * (len(result.states) if post.load_steps else 1)
 
 
 def _write_bezier(path: Path, samples: Samples) -> None:
-    from post.bezier import write_bezier  # imports VTK
+    with uninterrupted():
+        from post.bezier import write_bezier  # imports VTK, which dies of an interruption
 
     write_bezier(path, samples.result)
 

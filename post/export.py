@@ -8,19 +8,22 @@ from typing import Any
 
 from geom2iga.errors import CaseError
 from geom2iga.progress import progress, tracked
-from geom2iga.stage import log, uninterrupted
+from geom2iga.signals import uninterrupted
+from geom2iga.stage import log
 from geom2iga.tables import Source, checked
 from geom2iga.threads import one_blas_thread
 from post.case import Post, PostCase
 from post.data import size_of_data, write_data
 from post.fields import BodySamples, Samples
 from post.grid import USUAL, choose_samples, count_points
+from post.memory import check_post
 from post.probes import Probes, sample_probes
-from post.summary import Extremes, extremes_of, summarise, write_summary
+from post.summary import Extremes, extremes_of, summarise
 from post.verify import Check, Worst, compare, look_at
 from post.vtu import write_bodies
 from post.wanted import check_wanted
 from solve.analysis import Clock
+from solve.output import write_summary
 from solve.result import Result
 
 
@@ -30,7 +33,7 @@ def export(result: Result, source: Source, folder: str | Path, stamp: str = "") 
     Parameters
     ----------
     result : Result
-        Converged.
+        Of whose load steps at least one has converged; where the last one has not, nothing is verified.
     source : path, dict, Case or PostCase
     stamp : str
         Put into the summary, to tell later whether it is up to date.
@@ -43,15 +46,20 @@ def export(result: Result, source: Source, folder: str | Path, stamp: str = "") 
     Raises
     ------
     CaseError
-        The case is wrong, the result has not converged, or the disk has not the room for all files.
+        The case is wrong, no load step has converged, or the disk has not the room for all files.
     UserError
         Libraries for drawing are missing.
     """
     case = checked(source, PostCase)
     result.check_converged()
+    if result.diagnosis:
+        log.warning("iga-post: %s", result.diagnosis.shown)
+        case = case.model_copy(update={"verify": ()})
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    check_wanted(result.model, [contact.definition for contact in result.pairs], case)
+    contacts = [contact.definition for contact in result.pairs]
+    check_wanted(result.model, contacts, case)
+    check_post(result.model, contacts, case.post)
     samples = Samples(result, _samples(result, case.post, folder))
     probes = sample_probes(result, case.post)
     clock = Clock()

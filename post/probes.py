@@ -15,8 +15,8 @@ from post.case import LineProbe, PointProbe, Post, PostCase
 from post.collection import results_of_steps
 from post.fields import BodySamples, sample_at
 from post.quantities import QUANTITIES
-from post.tables import write_rows
 from solve.material import named_bodies
+from solve.output import write_rows
 from solve.result import Result
 
 

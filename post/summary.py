@@ -1,19 +1,16 @@
 """summary.json and the tables that go with it."""
 
-import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, fields
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from geom2iga.bspline import Array
-from geom2iga.files import replacing
 from post.fields import BodySamples, Samples
-from post.tables import write_rows
 from post.verify import Check
-from solve.newton import Step
+from solve.output import write_rows
 from solve.result import Result, carried, first_passes
 
 
@@ -37,6 +34,7 @@ def summarise(samples: Samples, checks: Sequence[Check], extremes: Mapping[str, 
     keys = ("dofs", "newton_iterations", "linear_iterations", "factorisations", "strain_energy", "equilibrium_error")
     return {
         "status": result.status.name.lower(),
+        "diagnosis": result.diagnosis and asdict(result.diagnosis),
         **{key: statistics[key] for key in keys},
         "peak_memory": statistics["peak_memory"],
         "seconds": dict(statistics["seconds"]),
@@ -81,17 +79,6 @@ def load_steps(result: Result) -> list[dict[str, Any]]:
         {"load_factor": state.load_factor, "contact": [carried(contact) for contact in first_passes(state.contacts)]}
         for state in result.states
     ]
-
-
-def write_summary(path: Path, summary: Mapping[str, Any]) -> None:
-    """Write summary.json."""
-    with replacing(path) as temporary:
-        temporary.write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
-
-
-def write_history(path: Path, history: Sequence[Step]) -> None:
-    """Write history.csv, a row per Newton step."""
-    write_rows(path, [field.name for field in fields(Step)], map(asdict, history))
 
 
 def write_load_steps(path: Path, result: Result) -> None:

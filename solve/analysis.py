@@ -1,8 +1,6 @@
 """From a model and the [solve] table to a Result."""
 
 import logging
-import resource
-import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -12,18 +10,21 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from geom2iga.bspline import Array
+from geom2iga.limits import peak_memory
 from geom2iga.model import Model
 from geom2iga.progress import noted, progress, tracked
 from geom2iga.tables import Source, checked
 from geom2iga.threads import one_blas_thread
 from solve.case import SolveCase
 from solve.contact.mortar import point_gaps
+from solve.contact.precision import find_losses
+from solve.diagnosis import Diagnosis, diagnose
 from solve.elasticity import assemble_stiffness
 from solve.equilibrium import Settings, Start, find_equilibrium
 from solve.iterative import Iterated
 from solve.linear import DirectSolver, direct_solver
 from solve.memory import KEPT, check_memory, fits, is_iterative, map_numbers
-from solve.newton import ROUNDING, Solution, Status, Step
+from solve.newton import ROUNDING, SETTLED, Solution, Status, Step
 from solve.operator import Stiffness
 from solve.problem import Pass, Problem, prepare
 from solve.reactions import Forces, find_reactions
@@ -130,7 +131,8 @@ def _follow(
     shares = problem.case.steps.shares
     states = list(before.states) if before else []
     history = [step for step in before.history if step.load_step <= len(states)] if before else []
-    status, unbalanced, sizes = Status.CONVERGED, 0.0, 0.0
+    status, error = Status.CONVERGED, before.statistics["equilibrium_error"] if before else 0.0
+    diagnosis: Diagnosis | None = None
     inner = assembled.stiffness @ states[-1].displacement.ravel() if states else np.zeros(problem.space.dofs)
 
     def told(step: Step) -> None:
@@ -139,10 +141,10 @@ def _follow(
         noted(f"residual {step.residual:.1e}")
 
     def result() -> Result:
-        error = unbalanced / sizes if sizes else unbalanced
         energy = float(states[-1].displacement.ravel() @ inner / 2) if states else 0.0
         statistics = _statistics(assembled, clock, history, energy, error)
-        return Result(status, problem.space.model, problem.materials, tuple(states), tuple(history), statistics)
+        model, materials = problem.space.model, problem.materials
+        return Result(status, model, materials, tuple(states), tuple(history), statistics, diagnosis)
 
     for share in tracked(shares[len(states) :], "load steps"):
         system = assembled.under(share)
@@ -151,14 +153,22 @@ def _follow(
             solution = find_equilibrium(system, problem.law, settings, assembled.tangents, told, start)
         status = solution.status
         if status is not Status.CONVERGED:
+            diagnosis = diagnose(problem, system, solution, len(states) + 1)
             break
+        _warn_of_rounding(solution, settings)
         state, forces = _state(problem, assembled, share, solution)
         states.append(state)
-        inner, found = forces.inner, _unbalanced(problem, system, forces, solution.scale)
-        unbalanced, sizes = max(unbalanced, found[0]), max(sizes, found[1])
+        inner, error = forces.inner, _unbalanced(problem, system, forces, solution.scale)
         if len(states) < len(shares):
             keep(result())
     return result()
+
+
+def _warn_of_rounding(solution: Solution, settings: Settings) -> None:
+    """Log how far from balance rounding has left a solution, where that is farther than usual."""
+    rest = solution.history[-1].residual if solution.history else 0.0
+    if rest > max(SETTLED, settings.newton.tolerance):
+        log.warning("warning: rounding leaves %.1e of the largest force out of balance: stresses are no better", rest)
 
 
 def _start(problem: Problem, state: State) -> Start:
@@ -205,7 +215,9 @@ def _contact_results(problem: Problem, displacement: Array, pressures: Sequence[
 def _warnings(problem: Problem, part: Pass, pressure: Array, displacement: Array) -> Iterator[str]:
     """Say what makes the pressure of a pass doubtful."""
     before, after = point_gaps(problem.space, part.cells, displacement)
-    averaged = max(0.0, -float(part.mortar.control_gaps(displacement).min(initial=0.0)))
+    gap = part.mortar.control_gaps(displacement)
+    yield from find_losses(part.definition, part.law, part.cells, pressure, gap, problem.size)
+    averaged = max(0.0, -float(gap.min(initial=0.0)))
     deepest, still_open = -float(after.min(initial=0.0)), after > 0
     closing = float((before - after)[still_open].max(initial=0.0))  # how far the bodies came closer
     if closing > 0 and deepest - averaged > max(HIDDEN * closing, TOUCHING * problem.size):
@@ -241,8 +253,8 @@ def _statistics(
     }
 
 
-def _unbalanced(problem: Problem, system: System, forces: Forces, scale: float) -> tuple[float, float]:
-    """Largest sum of loads, contact forces and reactions on one body, and the sum of the sizes of all forces.
+def _unbalanced(problem: Problem, system: System, forces: Forces, scale: float) -> float:
+    """Largest sum of loads, contact forces and reactions on one body, over the sum of the sizes of all forces.
 
     What is carried along free unknowns is all that reactions do not take.
     """
@@ -251,13 +263,7 @@ def _unbalanced(problem: Problem, system: System, forces: Forces, scale: float) 
     bodies = problem.space.model.bodies
     total = max(float(np.abs(unbalanced[problem.space.body_numbers(body)].sum(axis=0)).max()) for body in bodies)
     sizes = (float(np.abs(force).sum()) for force in (system.load, matrix.T @ forces.contact))
-    return total, max(ROUNDING * scale, *sizes)
-
-
-def peak_memory() -> int:
-    """Largest resident memory of this process so far [bytes]."""
-    largest = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return largest if sys.platform == "darwin" else 1024 * largest
+    return total / (max(ROUNDING * scale, *sizes) or 1.0)
 
 
 class Clock:

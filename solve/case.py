@@ -1,10 +1,10 @@
 """The [solve] table of the case file."""
 
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Literal, Self
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, model_validator
 
-from geom2iga.tables import Count, Number, Positive, Table, Vector
+from geom2iga.tables import Count, Finite, Number, Positive, Table, Vector, repeated
 
 USE_PENALTY = 'use enforcement = "penalty"'
 
@@ -14,7 +14,9 @@ class Material(Table):
 
     bodies: tuple[str, ...] | None = Field(None, description="names of bodies; left out: all")
     young: Positive = Field(description="Young's modulus [stress]")
-    poisson: Annotated[Number, Field(gt=-1, lt=0.5)] = Field(description="Poisson's ratio, above -1 and below 0.5")
+    poisson: Annotated[float, Finite, Field(gt=-1, lt=0.5)] = Field(
+        description="Poisson's ratio, above -1 and below 0.5"
+    )
 
 
 class Support(Table):
@@ -82,14 +84,6 @@ class Contact(Table):
         """Whether pressures are control values of the secondary face's own basis."""
         return self.method == "mortar" and self.multiplier == "p"
 
-    @field_validator("penalty", mode="before")
-    @classmethod
-    def _number_or_auto(cls, value: Any) -> Any:
-        number = isinstance(value, int | float) and not isinstance(value, bool) and 0 < value < float("inf")
-        if not number and value != "auto":
-            raise ValueError(f'should be a positive number or "auto", found {value}')
-        return value
-
     @model_validator(mode="after")
     def _fits_together(self) -> Self:
         if self.enforcement != "penalty":
@@ -135,7 +129,9 @@ class Steps(Table):
     """Load steps: shares of all loads and prescribed displacements."""
 
     count: Annotated[int, Field(strict=True, ge=1, le=10000)] | None = Field(None, description="so many equal steps")
-    factors: tuple[Number, ...] | None = Field(None, min_length=1, description="or the share of the loads in each step")
+    factors: tuple[Number, ...] | None = Field(
+        None, min_length=1, max_length=10_000, description="or the share of the loads in each step"
+    )
 
     @model_validator(mode="after")
     def _one_of_both(self) -> Self:
@@ -170,9 +166,8 @@ class Solve(Table):
     @model_validator(mode="after")
     def _pairs_differ(self) -> Self:
         ways = {(contact.secondary, contact.primary): contact.enforcement for contact in self.contact}
-        if len(ways) < len(self.contact):
-            pairs = [(contact.secondary, contact.primary) for contact in self.contact]
-            secondary, primary = next(pair for pair in pairs if pairs.count(pair) > 1)
+        if twice := repeated((contact.secondary, contact.primary) for contact in self.contact):
+            secondary, primary = twice
             raise ValueError(f'contact: "{secondary}" on "{primary}" stands twice, leave one out')
         for (secondary, primary), way in ways.items():
             if (primary, secondary) in ways and {way, ways[primary, secondary]} != {"penalty"}:

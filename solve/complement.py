@@ -42,7 +42,7 @@ class Factors:
 
     def solved(self, gap: Floats) -> Floats:
         """Solve with the factors."""
-        return cho_solve(self._factors, gap)
+        return cho_solve(self._factors, gap, check_finite=False)  # what is not finite ends the iterations
 
 
 class Iterations:
@@ -62,9 +62,13 @@ class Iterations:
         Of competence.
     points : (k,)
         Control point of each gap; -1 where its pressure is not that of a control point.
+    unit : float
+        Of the pressures: the operator is G times it, compliance and area are C and A times its square.
     """
 
-    def __init__(self, inverse: Inverse, operator: csr_array, compliance: Array, area: Array, points: Indices) -> None:
+    def __init__(
+        self, inverse: Inverse, operator: csr_array, compliance: Array, area: Array, points: Indices, unit: float
+    ) -> None:
         self._inverse, self._operator, self._transposed = inverse, operator, csr_array(operator.T)
         self._compliance, softness = compliance.astype(np.float32), compliance / area
         faces = inverse.faces
@@ -77,7 +81,7 @@ class Iterations:
             rows = np.flatnonzero(place[points] >= 0)
             if len(rows):
                 places = place[points[rows]]
-                self._faces.append((rows, places, share[places], modes.softened(softness[rows].mean())))
+                self._faces.append((rows, places, share[places] / unit, modes.softened(softness[rows].mean())))
                 covered[rows] = True
         self._rest = np.where(covered, 0, 1 / diagonal).astype(np.float32)
 

@@ -1,6 +1,7 @@
 """Equilibrium under a contact law: Newton's method alone, updates of a multiplier, or the multiplier as an unknown."""
 
 import time
+from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
@@ -12,7 +13,7 @@ from geom2iga.bspline import Array, Mask
 from solve.case import Augmentation, Newton
 from solve.contact.laws import Law
 from solve.linear import SingularMatrixError
-from solve.newton import ROUNDING, SETTLED, Solution, Status, Step, minimise
+from solve.newton import RECENT, ROUNDING, SETTLED, Solution, Status, Step, minimise
 from solve.system import System
 from solve.tangents import Tangents
 
@@ -54,11 +55,11 @@ def find_equilibrium(
     Returns
     -------
     Solution
-        Its pressure is that of the law; its history is that of all Newton steps.
+        Its pressure is that of the law; its history is that of all Newton steps, and so is what is recent.
     """
-    task = _Task(system, law, settings, tangents, report, [])
+    task = _Task(system, law, settings, tangents, report, [], deque(maxlen=RECENT))
     run = {"none": _sprung, "updated": _updated, "solved": _solved}[law.multiplier]
-    return run(task, start)._replace(history=tuple(task.history))
+    return run(task, start)._replace(history=tuple(task.history), recent=tuple(task.recent))
 
 
 class _Task(NamedTuple):
@@ -70,6 +71,7 @@ class _Task(NamedTuple):
     tangents: Tangents
     report: Callable[[Step], None]
     history: list[Step]
+    recent: deque[Mask]  # which gaps (m,) touched at the end of each of the last steps
 
     def record(self, step: Step, update: int) -> None:
         """Put down a step and report it."""
@@ -79,7 +81,9 @@ class _Task(NamedTuple):
     def sprung(self, multiplier: Array, update: int, free: Array | None) -> Solution:
         """Find equilibrium with the springs, for a given multiplier (m,), from a displacement (free,)."""
         shifted = self.system.shifted(self.law.softness * multiplier)
-        return minimise(shifted, self.settings.newton, self.tangents, lambda step: self.record(step, update), free)
+        found = minimise(shifted, self.settings.newton, self.tangents, lambda step: self.record(step, update), free)
+        self.recent.extend(found.recent)
+        return found
 
 
 def _sprung(task: _Task, start: Start | None) -> Solution:
@@ -143,9 +147,10 @@ def _solved(task: _Task, start: Start | None) -> Solution:
         inner = task.system.stiffness @ free
         step, following, off = _judged(task, free, inner, pressure, active, ROUNDING / SETTLED * sprung.scale)
         task.record(replace(step, seconds=time.perf_counter() - began), updates)
+        task.recent.append(following)
         if step.changes == 0:
             status = Status.CONVERGED if max(off, step.residual) <= SETTLED else Status.INACCURATE
-            return Solution(status, free, inner, pressure, (), sprung.scale)
+            return sprung._replace(status=status, free=free, inner=inner, pressure=pressure)
         active = following
     return sprung
 

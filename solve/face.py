@@ -1,6 +1,6 @@
 """Faces of a model as oriented surfaces: positions, outward normals, planes, traces of the basis."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import prod
 from typing import NamedTuple
@@ -11,7 +11,7 @@ from scipy.sparse import csr_array
 from geom2iga.bspline import Array, Indices
 from geom2iga.errors import CaseError
 from geom2iga.model import Model
-from geom2iga.patch import CHUNK, FLAT, Face, Patch, basis, chunks, evaluate
+from geom2iga.patch import CHUNK, FLAT, Face, Patch, basis, chunks, evaluate, resolution
 from solve.space import Space
 
 
@@ -28,17 +28,35 @@ class Cone(NamedTuple):
 
 @dataclass(frozen=True)
 class Surface:
-    """A face, what to call it, its patch of two directions, and the sign that turns its t_1 x t_2 outward."""
+    """A face as an oriented surface.
+
+    Parameters
+    ----------
+    face : Face
+    name : str
+        What to call it.
+    patch : Patch
+        Of two directions.
+    outward : int
+        Sign that turns its t_1 x t_2 outward.
+    rounding : float
+        What its control points are off by, as they are rounded [length].
+    """
 
     face: Face
     name: str
     patch: Patch
     outward: int
+    rounding: float = 0.0
 
     @cached_property
     def is_affine(self) -> bool:
         """Whether position is an affine function of the parameters."""
-        return self.patch.is_affine
+        return self.patch.is_affine_within(self.rounding)
+
+    def moved(self, by: Array) -> "Surface":
+        """The same elsewhere."""
+        return replace(self, patch=replace(self.patch, control_points=self.patch.control_points + by))
 
     @cached_property
     def cone(self) -> Cone:
@@ -63,7 +81,8 @@ class Plane(NamedTuple):
 def surface_of(model: Model, face: Face) -> Surface:
     """Take a face of a model as an oriented surface."""
     name = next((group for group, faces in model.groups.items() if face in faces), str(face))
-    return Surface(face, f'"{name}"', model.surface(face), face.outward)
+    patch = model.surface(face)
+    return Surface(face, f'"{name}"', patch, face.outward, resolution(patch.control_points))
 
 
 def area_vectors(surface: Surface, xi: Array, spans: Indices | None = None) -> tuple[Array, Array, Array]:
@@ -98,9 +117,9 @@ def halved(patch: Patch) -> list[Array]:
 def find_plane(surface: Surface) -> Plane:
     """Find the plane that a face lies in; raise CurvedError where there is none."""
     points = surface.patch.control_points.reshape(-1, 3)
-    origin = points.mean(axis=0)
+    origin = points[0] + (points - points[0]).mean(axis=0)
     _, widths, axes = np.linalg.svd(points - origin, full_matrices=False)
-    if widths[2] > FLAT * widths[0]:
+    if widths[2] > FLAT * widths[0] + len(points) ** 0.5 * resolution(points):
         raise CurvedError(f"{surface.name} is curved")
     middle = np.array([[at.mean() for at in surface.patch.breaks]])
     normal = np.cross(axes[0], axes[1])

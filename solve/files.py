@@ -8,14 +8,17 @@ from typing import Any
 
 import numpy as np
 
+from geom2iga.bspline import Array
 from geom2iga.files import created, get_model, opened, put_model
+from geom2iga.seal import ANEW
 from solve.case import Contact
+from solve.diagnosis import Diagnosis
 from solve.material import Material
 from solve.newton import Status, Step
 from solve.reactions import Reaction
 from solve.result import ContactResult, Result, State
 
-FORMAT, VERSION = "geom2iga solution", 4
+FORMAT, VERSION = "geom2iga solution", 5
 
 
 def write_result(path: str | Path, result: Result, stamp: str = "") -> None:
@@ -25,6 +28,7 @@ def write_result(path: str | Path, result: Result, stamp: str = "") -> None:
         file.attrs["statistics"] = json.dumps(dict(result.statistics))
         file.attrs["materials"] = json.dumps({name: asdict(m) for name, m in result.materials.items()})
         file.attrs["history"] = json.dumps([asdict(step) for step in result.history])
+        file.attrs["diagnosis"] = json.dumps(result.diagnosis and asdict(result.diagnosis))
         put_model(file.create_group("model"), result.model)
         for number, state in enumerate(result.states):
             _put(file, f"states/{number}", state, STATE)
@@ -50,21 +54,55 @@ CONTACT = (
 )
 
 
-def read_result(path: str | Path) -> Result:
-    """Read solution.h5; raise CaseError where it is missing or damaged."""
-    with opened(Path(path), FORMAT, VERSION) as file:
-        states = [file[f"states/{n}"] for n in range(len(file.get("states", ())))]
-        return Result(
+def read_result(path: str | Path, stamp: str | None = None, remedy: str = ANEW) -> Result:
+    """Read solution.h5; raise CaseError where it is missing, damaged or, given a stamp, made from something else."""
+    with opened(Path(path), FORMAT, VERSION, stamp, remedy) as file:
+        groups = [file[f"states/{n}"] for n in range(len(file.get("states", ())))]
+        result = Result(
             Status[file.attrs["status"]],
             get_model(file["model"]),
             {name: Material(**values) for name, values in json.loads(file.attrs["materials"]).items()},
             tuple(
                 State(**_get(group, STATE), contacts=_contacts(group), reactions=_get_reactions(group["reactions"]))
-                for group in states
+                for group in groups
             ),
             tuple(Step(**step) for step in json.loads(file.attrs["history"])),
             json.loads(file.attrs["statistics"]),
+            _diagnosis(json.loads(file.attrs["diagnosis"])),
         )
+        for state in result.states:
+            _check_state(state, result.space.size)
+        return result
+
+
+def _check_state(state: State, size: int) -> None:
+    """Raise ValueError where a state does not fit a model of so many control points, or is not of finite numbers."""
+    _check("load_factor", np.asarray(state.load_factor))
+    _check("displacement", state.displacement, size, 3)
+    for contact in state.contacts:
+        for field in ("rows", "control_area", "control_gap", "pressure", "active"):
+            _check(field, getattr(contact, field), len(contact.rows))
+        _check("penalty", np.asarray(1 / contact.penalty))  # of a Lagrange multiplier it is infinite
+        _check("centres", contact.centres, len(contact.rows), 3)
+    carriers: tuple[ContactResult | Reaction, ...] = (*state.contacts, *state.reactions)
+    for carrier in carriers:
+        _check("force", carrier.force, 3)
+        _check("moment", carrier.moment, 3)
+
+
+def _check(name: str, array: Array, *shape: int) -> None:
+    """Raise ValueError unless an array has a shape and finite entries."""
+    if array.shape != shape:
+        raise ValueError(f"{name} has the shape {array.shape}, expected {shape}")
+    if not np.isfinite(array).all():
+        raise ValueError(f"{name} has entries that are no finite numbers")
+
+
+def _diagnosis(values: dict[str, Any] | None) -> Diagnosis | None:
+    """Make a diagnosis of what was written of one."""
+    if values is None:
+        return None
+    return Diagnosis(values["load_step"], values["load_steps"], tuple(values["seen"]), tuple(values["advice"]))
 
 
 def _contacts(state: Any) -> tuple[ContactResult, ...]:

@@ -62,6 +62,8 @@ class Saddle(NamedTuple):
         for iteration in tracked(iter(range(MOST_ITERATIONS)), "conjugate gradients"):
             if power <= tolerance**2 * first:
                 return found, pressure, iteration
+            if not np.isfinite(power):  # single precision does not reach that far
+                break
             pushed = self.forces(direction, pull)
             length = np.float32(power / float(direction @ pushed))
             found, pressure = found + length * direction, pressure + length * pull
@@ -90,7 +92,8 @@ class Iterated:
         freedom = csr_array(self._matrix @ self._matrix.T)
         self._stiffness = Stiffness(space, materials, smooth_rules(space), np.float32)
         self._inverse = Inverse(space, materials, freedom, problem.touching)
-        operator = csr_array(mortar.gap_operator @ freedom)
+        self._unit = _pressure_unit(self._law, self._area)
+        operator = csr_array(self._unit * (mortar.gap_operator @ freedom))
         self._dense = self._inverse.between(operator) if len(self._area) <= DENSE else None
         self._freedom, self._operator = freedom.astype(np.float32), operator.astype(np.float32)
         self.factorisations = self.iterations = 0
@@ -124,13 +127,13 @@ class Iterated:
         self, rows: Indices, compliance: Array, force: Array, gap: Array, tolerance: float
     ) -> tuple[Array, Array]:
         """Solve for forces (free,) and gaps (k,): displacement (free,), pressure (k,)."""
-        saddle = self._saddle(rows, compliance)
+        saddle, gap = self._saddle(rows, self._unit**2 * compliance), self._unit * gap
         sizes = (np.abs(part).max(initial=0.0) for part in (force, gap))
         scale = max(*sizes, np.finfo(float).tiny)  # so that single precision is enough
         right = (self._matrix @ (force / scale)).astype(np.float32)
         found, pressure, iterations = saddle.solved(right, (gap / scale).astype(np.float32), max(tolerance, FINEST))
         self.iterations += iterations
-        return scale * (self._matrix.T @ found.astype(float)), scale * pressure.astype(float)
+        return scale * (self._matrix.T @ found.astype(float)), self._unit * scale * pressure.astype(float)
 
     def _saddle(self, rows: Indices, compliance: Array) -> Saddle:
         """Make ready for some active gaps, unless they are those of the last solution."""
@@ -145,11 +148,17 @@ class Iterated:
     def _complement(self, operator: csr_array, rows: Indices, compliance: Array) -> Complement:
         """Factorise C + G B G' of active gaps, or make ready to iterate where they may be too many."""
         if self._dense is None:
-            return Iterations(self._inverse, operator, compliance, self._area[rows], self._points[rows])
+            area = self._unit**2 * self._area[rows]
+            return Iterations(self._inverse, operator, compliance, area, self._points[rows], self._unit)
         complement = self._dense[np.ix_(rows, rows)]
         complement.flat[:: len(rows) + 1] += compliance
         self.factorisations += 1
         return Factors(complement)
+
+
+def _pressure_unit(law: Law, area: Array) -> float:
+    """Unit of pressures in which gaps yield about as much as single precision can hold, at any size and modulus."""
+    return float(np.median((law.bodies / area) ** 0.5)) if len(area) else 1.0
 
 
 def _relative(rest: Array, *parts: Array) -> float:

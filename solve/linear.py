@@ -63,6 +63,7 @@ class Pardiso:
 
         for library in Path(sys.prefix, "lib").glob("libmkl_rt*"):  # else it searches all folders, each time
             os.environ.setdefault("PYPARDISO_MKL_RT", str(library))
+        os.environ.setdefault("MKL_CBWR", "AUTO")  # else no two runs on several threads add up in the same sequence
         self._solver = PyPardisoSolver(mtype=2)
         weakref.finalize(self, self._solver.free_memory, everything=True)
 

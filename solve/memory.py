@@ -3,9 +3,10 @@
 from collections.abc import Mapping
 from math import prod
 
-import psutil
-
+from geom2iga import limits
 from geom2iga.errors import CaseError
+from geom2iga.threads import thread_count
+from solve.bricks import SPANS, THREADED
 from solve.complement import DENSE
 from solve.linear import DirectSolver
 from solve.problem import Problem
@@ -17,7 +18,8 @@ FEW_PER_PATCH = 500  # unknowns of a patch below which its part of an iteration 
 FILL = 240.0  # bytes of factors: so many times N^(4/3) p^1.5, measured with PARDISO on cubes of degree 1 to 4
 COPIES = 3  # of the matrix: of all unknowns, of free ones, with contact
 KEPT = 40_000_000  # numbers of exactly integrated maps that are kept from one application to the next
-VECTORS = 40  # of double precision that an analysis holds at once
+VECTORS = 32  # of double precision that an analysis holds at once
+SCRATCH = 250.0  # bytes per quadrature point of the brick that a thread works on, measured on cubes of degree 1 to 4
 GIGABYTE = 1e9
 
 
@@ -33,12 +35,12 @@ def needed(problem: Problem, solver: DirectSolver | None) -> float:
 
 
 def free_memory() -> float:
-    """Memory that the machine has free [GB]."""
-    return psutil.virtual_memory().available / GIGABYTE
+    """Memory that may still be taken [GB]."""
+    return limits.free_memory() / GIGABYTE
 
 
 def fits(problem: Problem, solver: DirectSolver | None) -> bool:
-    """Whether the machine has it free."""
+    """Whether so much is free."""
     return needed(problem, solver) <= free_memory()
 
 
@@ -74,8 +76,20 @@ def _of_factors(problem: Problem, fill: float) -> float:
 def _of_iterations(problem: Problem) -> float:
     """Memory of what conjugate gradients keep [bytes]."""
     space = problem.space
-    maps = map_numbers(space, smooth_rules(space)) + 2 * min(map_numbers(space, exact_rules(space)), KEPT)
+    exact = exact_rules(space)
+    maps = map_numbers(space, smooth_rules(space)) + 2 * min(map_numbers(space, exact), KEPT)
     gaps = len(problem.mortar.area)
     sides = [prod(space.face_grid(face).shape) for face in problem.touching]
     dense = 2 * gaps**2 + 2 * max(sides, default=0) ** 2 if gaps <= DENSE else 0
-    return 8.0 * (VECTORS * space.dofs + dense) + 4.0 * maps
+    return 8.0 * (VECTORS * space.dofs + dense) + 4.0 * maps + _of_scratch(space, exact)
+
+
+def _of_scratch(space: Space, rules: Mapping[str, Rules]) -> float:
+    """Memory of what threads work on [bytes]."""
+    threads = thread_count()
+    most = SPANS * THREADED if threads > 1 else SPANS
+    sizes = [
+        (prod(len(rule.points) for rule in each), prod(len(rule.counts) for rule in each)) for each in rules.values()
+    ]
+    points = max(points * min(1.0, most / spans) for points, spans in sizes)
+    return SCRATCH * threads * points

@@ -47,13 +47,15 @@ def map_of(brick: Brick, patch: Patch) -> Map:
         The Jacobian is not positive at a point.
     """
     box, weight, slopes = brick.functions, np.ones(1), None
+    points = patch.control_points - patch.control_points[0, 0, 0]  # so that a place far away costs no digits
     if patch.is_rational:
-        sampled = brick.gradients(np.moveaxis(patch.homogeneous, -1, 0)[:, *box], values=True)
+        homogeneous = np.concatenate([points * patch.weights[..., None], patch.weights[..., None]], axis=-1)
+        sampled = brick.gradients(np.moveaxis(homogeneous, -1, 0)[:, *box], values=True)
         weight = sampled[3, 3]
         slopes = sampled[3, :3] / weight
         tangents = (sampled[:3, :3] - sampled[:3, 3:] * slopes) / weight
     else:
-        tangents = brick.gradients(np.moveaxis(patch.control_points, -1, 0)[:, *box])
+        tangents = brick.gradients(np.moveaxis(points, -1, 0)[:, *box])
     cofactors, determinant = cofactors_of(tangents)
     if determinant.min() <= 0:
         worst = int(np.argmin(determinant))

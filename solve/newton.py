@@ -1,6 +1,7 @@
 """Semismooth Newton's method with exact line search on the energy."""
 
 import time
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import Enum
@@ -8,17 +9,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from geom2iga.bspline import Array
+from geom2iga.bspline import Array, Mask
 from solve.case import Newton
 from solve.linear import SingularMatrixError, SlowError, SuperLU
 from solve.system import System
 from solve.tangents import Factorised, Tangents
 
 APPROACHES = 5  # in which the area on which rigid bodies rest is found
-SETTLED = 1e-8  # largest relative residual at which rounding may end the iteration
+SETTLED = 1e-8  # largest relative residual at which rounding may end the iteration without a word
+ROUGH = 1e-6  # and at all
 COARSE, FINE = 1e-3, 1e-5  # relative tolerance of linear solutions while gaps open and close, and when none does
 SURPLUS = 10.0  # by which the last linear solution is better than the tolerance of the whole asks for
 ROUNDING = 1e-14  # residual, over the largest force that ever acted, that is a rounding error
+RECENT = 10  # last states of the gaps that are remembered
 
 
 class Status(Enum):
@@ -66,6 +69,8 @@ class Solution(NamedTuple):
     pressure: Array  # (m,)
     history: tuple[Step, ...]
     scale: float  # largest force seen
+    recent: tuple[Mask, ...]  # which gaps (m,) touched at the end of each of the last steps
+    drift: Array | None = None  # (free,) motion along which the energy falls without end
 
 
 class Iterate(NamedTuple):
@@ -118,30 +123,33 @@ def minimise(
         Where to begin; left out, undeformed, bodies that contact alone holds where they balance as rigid ones.
     """
     history: list[Step] = []
+    drift = None
     start = _balanced(system, settings) if start is None else start
     undeformed = np.zeros(len(system.load))
     at = iterate(system, start, system.force_scale(undeformed, undeformed))
-    held = system.holds(np.zeros(len(system.area), dtype=bool))
+    held, recent = system.holds(np.zeros(len(system.area), dtype=bool)), deque([at.gap <= 0], RECENT)
     try:
         while (status := _verdict(at, history, settings, held)) is None:
             began = time.perf_counter()
             held = system.holds(at.gap <= 0)
-            direction = _direction(system, at, held, settings, tangents, history)
+            direction, rigid = _direction(system, at, held, settings, tangents, history)
             before, at, length = at, iterate(system, at.free + direction, at.largest), 1.0
             if not held or (at.energy > before.energy and at.active != before.active):
-                inner = system.stiffness @ direction
+                inner = np.zeros_like(direction) if rigid else system.stiffness @ direction
                 length = exact_step(system, before, direction, inner)
                 if not np.isfinite(length):
-                    status, at = Status.UNBOUNDED, before
+                    status, at, drift = Status.UNBOUNDED, before, direction
                     break
                 at = _evaluated(system, before.free + length * direction, before.inner + length * inner, before.largest)
             history.append(_step(before, at, length, len(history) + 1, time.perf_counter() - began))
+            recent.append(at.gap <= 0)
             report(history[-1])
     except SlowError:
         status = Status.SLOW
     except SingularMatrixError:
         status = Status.SINGULAR
-    return Solution(status, at.free, at.inner, system.law.pressure(at.gap), tuple(history), at.largest)
+    pressure = system.law.pressure(at.gap)
+    return Solution(status, at.free, at.inner, pressure, tuple(history), at.largest, tuple(recent), drift)
 
 
 def _balanced(system: System, settings: Newton) -> Array:
@@ -191,22 +199,22 @@ def _verdict(at: Iterate, history: list[Step], settings: Newton, held: bool) -> 
         if at.error <= ROUNDING * at.largest:
             return Status.CONVERGED
         if history[-1].length == 1 and history[-1].changes == 0:
-            return Status.CONVERGED if at.relative <= SETTLED else Status.INACCURATE
+            return Status.CONVERGED if at.relative <= ROUGH else Status.INACCURATE
     return Status.MAX_STEPS if len(history) >= settings.max_steps else None
 
 
 def _direction(
     system: System, at: Iterate, held: bool, settings: Newton, tangents: Tangents, history: list[Step]
-) -> Array:
-    """Direction (free,) of the next step: Newton's, or a push along rigid motions that nothing resists yet."""
+) -> tuple[Array, bool]:
+    """Direction (free,) of the next step: Newton's, or a rigid push along motions that nothing resists yet."""
     active = at.gap <= 0
     if not held:
         loose = system.loose(active)
         push = loose @ (loose.T @ at.residual)
         if np.abs(push).max(initial=0.0) > settings.tolerance * at.largest:
-            return push
+            return push, True
         active = np.ones_like(active)  # nothing pushes: any springs will do
-    return tangents.solved(active, at.residual, _sought(at, settings, history) if held else COARSE)
+    return tangents.solved(active, at.residual, _sought(at, settings, history) if held else COARSE), False
 
 
 def _sought(at: Iterate, settings: Newton, history: list[Step]) -> float:

@@ -14,8 +14,10 @@ from solve.contact.cells import Cells, find_cells
 from solve.contact.laws import Law, find_law, find_penalty, joined, stiffness_scale
 from solve.contact.mortar import Mortar, assemble_mortar, stacked
 from solve.loads import assemble_loads
+from solve.locking import warn_of_locking
 from solve.material import Material, find_materials
 from solve.rigid import check_held, check_pressed, unsupported
+from solve.size import check_contact, check_points
 from solve.space import Space, check_right_handed, number_control_points
 
 
@@ -79,8 +81,10 @@ def prepare(model: Model, case: Solve) -> Problem:
         A patch is left-handed.
     """
     check_right_handed(model)
+    check_points(model)
     space = number_control_points(model)
     materials = find_materials(model, case)
+    warn_of_locking(model, materials)
     passes: list[Pass] = []
     for number, contact in enumerate(case.contact):
         try:
@@ -100,6 +104,7 @@ def prepare(model: Model, case: Solve) -> Problem:
 
 def _passes(space: Space, materials: Mapping[str, Material], number: int, contact: Contact) -> list[Pass]:
     """Integrate a contact, in two passes with springs of half the stiffness where it asks for them."""
+    check_contact(space.model, contact)
     sides = {"secondary": contact.primary, "primary": contact.secondary}
     definitions = [contact, contact.model_copy(update=sides)] if contact.two_pass else [contact]
     scale, share = max(stiffness_scale(space, d, materials) for d in definitions), 1 / len(definitions)

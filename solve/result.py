@@ -15,6 +15,7 @@ from geom2iga.model import Model
 from geom2iga.patch import Face
 from solve.case import Contact
 from solve.contact.pressure import pressure_space
+from solve.diagnosis import Diagnosis
 from solve.material import Material
 from solve.newton import Status, Step
 from solve.reactions import Reaction
@@ -146,6 +147,8 @@ class Result:
     statistics : mapping
         dofs, newton_iterations, linear_iterations, factorisations, linear_solver, strain_energy, equilibrium_error,
         peak_memory [bytes], seconds by phase.
+    diagnosis : Diagnosis
+        Of the load step that did not converge; None where all did.
     """
 
     status: Status
@@ -154,16 +157,17 @@ class Result:
     states: tuple[State, ...]
     history: tuple[Step, ...]
     statistics: Mapping[str, Any]
+    diagnosis: Diagnosis | None = None
 
     @property
     def state(self) -> State:
-        """The last state; raises CaseError where the analysis has not converged."""
+        """The last state that has converged; raises CaseError where there is none."""
         self.check_converged()
         return self.states[-1]
 
     @property
     def contacts(self) -> tuple[ContactResult, ...]:
-        """The contacts in the last state; none where the analysis has not converged."""
+        """The contacts in the last state that has converged; none where there is none."""
         return self.states[-1].contacts if self.states else ()
 
     @property
@@ -172,7 +176,7 @@ class Result:
         return first_passes(self.contacts)
 
     def check_converged(self) -> None:
-        """Raise CaseError where the analysis has not converged."""
+        """Raise CaseError where no load step has converged."""
         if not self.states:
             raise CaseError(f"the analysis has no result: {self.status.value}")
 
@@ -217,7 +221,7 @@ class Result:
         Raises
         ------
         CaseError
-            The analysis has not converged.
+            No load step has converged.
         """
         return import_module("post.plots").plot(self, field, **options)
 

@@ -81,7 +81,7 @@ def check_held(space: Space, conditions: Conditions, mortar: Mortar) -> None:
     free = kernel(np.concatenate([_prescribed(pieces, conditions), opening]))
     sentences = []
     for number, name in enumerate(pieces.names):
-        motions = _describe(free[6 * number : 6 * number + 6])
+        motions = describe(free[6 * number : 6 * number + 6])
         if motions:
             sentences.append(f"{name} can {motions}")
     if sentences:
@@ -116,7 +116,7 @@ def kernel(matrix: Array) -> Array:
     return rows[values <= NEGLIGIBLE * max(values[0], 1.0)].T
 
 
-def _describe(motions: Array) -> str:
+def describe(motions: Array) -> str:
     """Say in words what a space of motions (6, f) of a body, slides before turns, consists of."""
     slides = _span(motions @ kernel(motions[3:]))[:3]
     turns = _span(motions[3:])

@@ -10,6 +10,7 @@ import numpy as np
 from geom2iga.bspline import Array, Indices, breaks
 from solve.space import Space, is_straight
 
+UNEVEN = 2.2  # ratio of neighbouring weights from which on points for smooth splines miss too much between them
 EXACT = 4  # degree up to which the points for smooth splines integrate affine maps exactly
 
 Rules = tuple["Rule", "Rule", "Rule"]
@@ -84,8 +85,15 @@ def full_rules(space: Space) -> dict[str, Rules]:
 
 
 def smooth_rules(space: Space) -> dict[str, Rules]:
-    """Points for smooth splines."""
-    return {name: _each(smooth_rule, patch.knots, patch.degrees) for name, patch in space.model.patches.items()}
+    """Points for smooth splines; Gauss points along directions in which weights differ too much for these."""
+    full, rules = full_rules(space), {}
+    for name, patch in space.model.patches.items():
+        smooth = _each(smooth_rule, patch.knots, patch.degrees)
+        slopes = (np.abs(np.diff(np.log(patch.weights), axis=d)).max() for d in range(patch.directions))
+        uneven = [slope > np.log(UNEVEN) for slope in slopes]
+        first, second, third = (f if u else s for s, f, u in zip(smooth, full[name], uneven, strict=True))
+        rules[name] = first, second, third
+    return rules
 
 
 def exact_rules(space: Space) -> dict[str, Rules]:

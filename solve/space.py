@@ -1,5 +1,6 @@
 """The spline space on a model: numbering of control points, Gauss points."""
 
+import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,8 +17,11 @@ from geom2iga.errors import GeometryError
 from geom2iga.model import Model, oriented
 from geom2iga.patch import Face, Patch, basis, evaluate, face_indices
 
+log = logging.getLogger("geom2iga")
+
 BALANCED = 1e-12  # largest error of the forces of a uniform stress, in units of the forces on a span
 MORE_POINTS = 12  # Gauss points beyond degree + 1 per direction, at most
+UNBALANCED = 1e-9  # error of the same with the most points that is worth a word
 SAMPLED = 3  # spans per direction whose integrands are looked at; lines across each other direction
 
 
@@ -141,11 +145,18 @@ def point_counts(patch: Patch) -> tuple[int, ...]:
     exact = all(3 * degree - 1 <= 2 * degree + 1 for degree in patch.degrees) and np.ptp(patch.weights) == 0
     if exact or patch.is_affine:
         return tuple(degree + 1 for degree in patch.degrees)
-    return tuple(_count_along(patch, d) for d in range(patch.directions))
+    counts, errors = zip(*(_count_along(patch, d) for d in range(patch.directions)), strict=True)
+    if max(errors) > UNBALANCED:
+        log.warning(
+            'warning: patch "%s": the forces of a uniform stress are integrated to %.0e of themselves only, its '
+            "weights differ by a factor of %.2g: cut it into more spans, or bring the weights closer together",
+            *(patch.name, max(errors), patch.weights.max() / patch.weights.min()),
+        )
+    return counts
 
 
-def _count_along(patch: Patch, direction: int) -> int:
-    """Gauss points per span that one direction needs."""
+def _count_along(patch: Patch, direction: int) -> tuple[int, float]:
+    """Gauss points per span that one direction needs, and the error of the forces that stays."""
     least = patch.degrees[direction] + 1
     counts = np.arange(least, least + MORE_POINTS + 1)
     nodes, weights = np.polynomial.legendre.leggauss(2 * counts[-1] + 2)
@@ -155,7 +166,8 @@ def _count_along(patch: Patch, direction: int) -> int:
     forces /= np.maximum(np.abs(forces).max(axis=(1, 2), keepdims=True), np.finfo(float).tiny)
     coefficients = np.abs(((powers + 0.5) * weights[:, None] * legendre).T @ forces).max(axis=(0, 2))
     beyond = np.maximum.accumulate(coefficients[::-1])[::-1][2 * counts]
-    return int(counts[np.argmax(np.append(beyond[:-1] <= BALANCED, True))])
+    chosen = np.argmax(np.append(beyond[:-1] <= BALANCED, True))
+    return int(counts[chosen]), float(beyond[chosen])
 
 
 def _stress_forces(patch: Patch, direction: int, nodes: Array) -> Array:

@@ -1,11 +1,15 @@
 """Settings of all tests."""
 
 import logging
+import signal
 
 import pytest
 from hypothesis import settings
 
 from geom2iga.terminal import log
+
+# Shells let what they start in the background ignore Ctrl-C, and so what that starts: tests send it to what they start.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 pytest.register_assert_rewrite("tests.oracles")  # so that a failed law shows its numbers
 

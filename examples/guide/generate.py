@@ -30,7 +30,8 @@ import post.profile
 import solve
 from geom2iga.case import GeometryCase
 from geom2iga.errors import UserError
-from geom2iga.stage import INTERRUPTED, OUR_BUG
+from geom2iga.signals import ENDING
+from geom2iga.stage import OUR_BUG
 from geom2iga.tables import Table
 from post.case import PostCase
 from solve.case import SolveCase
@@ -308,9 +309,12 @@ def help_of(main: Any) -> str:
 
 def exit_codes() -> dict[int, str]:
     """Exit codes and their meaning."""
-    errors = [UserError, *UserError.__subclasses__()]
-    theirs = {kind.exit_code: inspect.cleandoc(kind.__doc__ or "").rstrip(".") for kind in errors}
-    return {0: "Done, or up to date", OUR_BUG: "A bug of the program", **theirs, INTERRUPTED: "Interrupted"}
+    theirs: dict[int, str] = {}
+    for kind in UserError.__subclasses__():
+        meaning = inspect.cleandoc(kind.__doc__ or "").rstrip(".")
+        theirs[kind.exit_code] = f"{theirs[kind.exit_code]}. {meaning}" if kind.exit_code in theirs else meaning
+    ended = {128 + number: f"Ended by {number.name}" for number in ENDING}
+    return {0: "Done, or up to date", OUR_BUG: "A bug of the program", **theirs, **ended}
 
 
 def commands_page() -> str:

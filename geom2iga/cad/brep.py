@@ -27,6 +27,8 @@ SURFACES = (
     "", "plane", "cylinder", "cone", "sphere", "torus", "extrusion", "revolution", "Bezier", "B-spline", "trimmed",
     "offset",
 )  # fmt: skip
+LARGEST = 1e101  # OpenCASCADE writes infinity as 2e100
+LONGEST = 1000  # locations that a location may consist of: some that double those before have more than fit anywhere
 Location = tuple[tuple[int, int], ...]  # elementary locations and their powers, the last one applied first
 
 
@@ -154,8 +156,13 @@ class _Words:
         return [self.integer() for _ in range(count)]
 
     def numbers(self, count: int) -> Array:
+        if not 0 <= count <= len(self.words) - self.next:
+            raise ValueError("fewer words than the record says")
         self.next += count
-        return np.array(self.words[self.next - count : self.next], dtype=float)
+        values = np.array(self.words[self.next - count : self.next], dtype=float)
+        if np.abs(values).max(initial=0.0) <= LARGEST:  # not so where one is no number
+            return values
+        raise ValueError("a number that is none, or too large to compute with")
 
     def vectors(self, count: int, width: int) -> Array:
         return self.numbers(count * width).reshape(count, width)
@@ -173,8 +180,8 @@ def read_brep(text: str) -> Brep:
     if version is None:
         raise GeometryError("this is no boundary representation of OpenCASCADE: its first line is missing")
     parts = re.split(rf"^({'|'.join(SECTIONS)}) (\d+)\s", text[version.end() :], flags=re.MULTILINE)[1:]
-    sections = {name: (int(count), _Words(body)) for name, count, body in zip(*[iter(parts)] * 3, strict=True)}
     try:
+        sections = {name: (int(count), _Words(body)) for name, count, body in zip(*[iter(parts)] * 3, strict=True)}
         transformations, locations = _read_locations(*sections["Locations"])
         curves_2d = _read_list(*sections["Curve2ds"], lambda words: _read_curve(words, 2))
         curves = _read_list(*sections["Curves"], lambda words: _read_curve(words, 3))
@@ -182,9 +189,17 @@ def read_brep(text: str) -> Brep:
         count, words = sections["TShapes"]
         reader = _Shapes(words, count, locations, curves, curves_2d, version[1] == "2")
         shapes = {count - number: reader.shape() for number in range(count)}
+        _check_descent(shapes)
         return Brep(shapes, surfaces, next(reader.uses()), locations, transformations)
-    except (KeyError, IndexError, ValueError, StopIteration):
+    except (KeyError, IndexError, RecursionError, ValueError, StopIteration):
         raise GeometryError("the boundary representation of OpenCASCADE cannot be read: cut off or damaged") from None
+
+
+def _check_descent(shapes: dict[int, Shape]) -> None:
+    """Raise ValueError where a shape consists of one that stands after it, and so might hold itself."""
+    for number, shape in shapes.items():
+        if not all(number < use.shape and use.shape in shapes for use in shape.children):
+            raise ValueError("a shape that holds one that stands after it")
 
 
 def _read_list(count: int, words: _Words, read: Callable[[_Words], Any]) -> list[Any]:
@@ -204,7 +219,9 @@ def _read_locations(count: int, words: _Words) -> tuple[dict[int, Array], list[L
         location: Location = ()
         while part := words.integer():
             power = words.integer()
-            location = combined(location, _power(locations[part], power))
+            location = combined(_power(locations[part], power), location)  # what is applied first stands first
+            if len(location) > LONGEST:
+                raise ValueError("a location of too many parts")
         locations.append(location)
     return transformations, locations
 
@@ -212,6 +229,10 @@ def _read_locations(count: int, words: _Words) -> tuple[dict[int, Array], list[L
 def _power(location: Location, power: int) -> Location:
     """Apply a location several times, or backwards."""
     step = location if power > 0 else tuple((number, -times) for number, times in reversed(location))
+    if len(step) == 1:
+        return ((step[0][0], step[0][1] * abs(power)),) if power else ()
+    if len(step) * abs(power) > LONGEST:
+        raise ValueError("a location of too many parts")
     result: Location = ()
     for _ in range(abs(power)):
         result = combined(result, step)

@@ -20,6 +20,8 @@ from geom2iga.errors import CaseError, GeometryError, suggestion
 from geom2iga.model import Face, Part, side_faces
 from geom2iga.progress import tracked
 
+SMALLEST = 1e-6  # of a box around a volume [length]: gmsh leaves 1e-7 on each side
+
 log = logging.getLogger("geom2iga")
 
 
@@ -92,6 +94,11 @@ def convert(source: CadSource, table: CadModel, axes: Array | None = None) -> li
     """
     if not source.volumes:
         raise GeometryError("there is no volume, only surfaces or less: make solids of them in the CAD program")
+    if (size := max(float(np.ptp(volume.box, axis=0).max()) for volume in source.volumes.values())) < SMALLEST:
+        raise GeometryError(
+            f"the volumes are at most {size:.2g} long, and to OpenCASCADE all within 1e-7 is one point: choose a "
+            'smaller unit of length, as unit = "UM"'
+        )
     if table.route == "mesh":
         return [_from_mesh(source, part, tags, table) for part, tags in find_bodies(source, table)]
     topology = read_topology(source.xao)

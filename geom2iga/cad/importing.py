@@ -12,7 +12,8 @@ from geom2iga.cad.topology import split_xao
 from geom2iga.errors import GeometryError
 from geom2iga.progress import progress
 
-PATIENCE = 300.0  # seconds that gmsh may take for a file
+PATIENCE = 120.0  # seconds that gmsh may take for a file, however short
+PER_MEGABYTE = 60.0  # seconds more, of the file
 
 
 def read_cad(path: Path, table: Cad) -> CadSource:
@@ -29,7 +30,7 @@ def read_cad(path: Path, table: Cad) -> CadSource:
     _check_text(path)
     try:
         with progress(f"gmsh reads {path.name}"):
-            source = isolated(_load, path.resolve(), table, seconds=PATIENCE)
+            source = isolated(_load, path.resolve(), table, seconds=_patience(path))
     except GeometryError as error:
         raise GeometryError(f'"{path}": {error}') from None
     if not source.volumes and path.suffix.lower() in cad.IGES:
@@ -48,6 +49,11 @@ def read_gmsh(table: CadModel) -> CadSource:
     tags = [tag for _, members in find_bodies(source, table) for tag in members]
     fitted = fit_volumes({tag: str(tag) for tag in tags}, table.fit_spans)
     return source._replace(fitted=dict(zip(tags, fitted, strict=True)))
+
+
+def _patience(path: Path) -> float:
+    """Seconds that gmsh may take for a file."""
+    return PATIENCE + PER_MEGABYTE * path.stat().st_size / 1e6
 
 
 def _load(path: Path, table: Cad) -> CadSource:

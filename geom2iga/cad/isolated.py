@@ -1,22 +1,40 @@
-"""Run a function in a process of its own: what crashes or hangs there does no harm here."""
+"""Run a function in a process of its own: what crashes, hangs or takes all memory there does no harm here."""
 
+import logging
 import os
 import pickle
+import resource
+import select
+import shutil
 import signal
 import subprocess
 import sys
+import threading
+import time
 from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TypeVar
 
+import psutil
+
 from geom2iga.errors import GeometryError
+
+GIGABYTE = 1e9
+HEARD = 10_000  # bytes of what the other process says that are kept, the last ones
+PAUSE = 0.02  # seconds between looks at whether it has ended
+
+log = logging.getLogger("geom2iga")
 
 Result = TypeVar("Result")
 
 
-def isolated(function: Callable[..., Result], *arguments: object, seconds: float) -> Result:
-    """Call a function of a module in a fresh interpreter.
+def isolated(
+    function: Callable[..., Result], *arguments: object, seconds: float, memory: float | None = None
+) -> Result:
+    """Call a function of a module in a fresh interpreter, which ends when this process does, however that ends.
+
+    What it prints goes to the log. What it writes to the folder for temporary files is removed.
 
     Parameters
     ----------
@@ -24,31 +42,74 @@ def isolated(function: Callable[..., Result], *arguments: object, seconds: float
         Anything that pickle takes, as is the result.
     seconds : float
         After which it is given up.
+    memory : float
+        Bytes that it may take; left out, what the machine has free.
 
     Raises
     ------
     Exception
         That the function raised.
     GeometryError
-        It crashed, or did not end in time.
+        It crashed, did not end in time, or took too much memory.
     """
-    with TemporaryDirectory() as folder:
+    memory = float(psutil.virtual_memory().available) if memory is None else memory
+    with TemporaryDirectory(prefix="geom2iga-") as folder:
         call, result = Path(folder) / "call", Path(folder) / "result"
         call.write_bytes(pickle.dumps((function, arguments)))
-        command = [sys.executable, "-c", "from geom2iga.cad.isolated import serve; serve()", str(call), str(result)]
-        environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-        try:
-            ended = subprocess.run(
-                command, env=environment, stdin=subprocess.DEVNULL, stdout=2, timeout=seconds, check=False
-            )
-        except subprocess.TimeoutExpired:
-            raise GeometryError(f"gmsh did not end within {seconds:g} seconds; repair the file") from None
+        code, said = _run(folder, seconds, memory)
+        if said:
+            log.debug("gmsh said: %s", said)
+        answer: Result | Exception | None = pickle.loads(result.read_bytes()) if result.exists() else None
+        if isinstance(answer, MemoryError) or (not result.exists() and "bad_alloc" in said):
+            raise GeometryError(f"gmsh took more than the {memory / GIGABYTE:.2g} GB of memory it may: simplify it")
         if not result.exists():
-            raise GeometryError(f"gmsh crashed ({_cause(ended.returncode)}); repair the file in the CAD program")
-        answer = pickle.loads(result.read_bytes())
+            raise GeometryError(f"gmsh crashed ({_cause(code)}); repair the file in the CAD program")
     if isinstance(answer, Exception):
         raise answer
-    return answer
+    return answer  # type: ignore[return-value]
+
+
+def _run(folder: str, seconds: float, memory: float) -> tuple[int, str]:
+    """Serve the call that lies in a folder; return the exit code, and the last of what was said meanwhile."""
+    watched, held = os.pipe()  # its end that is held here closes when this process ends
+    command = [sys.executable, "-c", "from geom2iga.cad.isolated import serve; serve()"]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path)), "TMPDIR": folder}
+    with os.fdopen(held, "wb"), os.fdopen(watched, "rb"):
+        process = subprocess.Popen(
+            [*command, folder, str(watched), str(int(memory))],
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            bufsize=0,
+            pass_fds=(watched,),
+            process_group=0,  # so that what it starts ends with it
+        )
+        with process:
+            try:
+                return _heard(process, seconds)
+            except BaseException:
+                if process.returncode is None:
+                    os.killpg(process.pid, signal.SIGKILL)
+                raise
+
+
+def _heard(process: subprocess.Popen[bytes], seconds: float) -> tuple[int, str]:
+    """Wait for the end of a process; return its exit code, and the last of what it said."""
+    assert process.stdout is not None
+    said, end = b"", time.monotonic() + seconds
+    while process.poll() is None:
+        if time.monotonic() > end:
+            raise GeometryError(f"gmsh did not end within {seconds:.0f} seconds; simplify or repair the file")
+        said = (said + _waiting(process.stdout.fileno(), PAUSE))[-HEARD:]
+    while rest := _waiting(process.stdout.fileno(), 0):  # not to its end: another process may hold it open
+        said = (said + rest)[-HEARD:]
+    return process.returncode, said.decode(errors="replace").strip()
+
+
+def _waiting(pipe: int, seconds: float) -> bytes:
+    """Read what waits in a pipe, or comes within some time."""
+    return os.read(pipe, 1 << 16) if select.select([pipe], [], [], seconds)[0] else b""
 
 
 def _cause(code: int) -> str:
@@ -57,11 +118,32 @@ def _cause(code: int) -> str:
 
 
 def serve() -> None:
-    """Do the call of a file and write its result: what the fresh interpreter runs."""
+    """Do the call that lies in a folder and write its result there: what the fresh interpreter runs."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # an interruption is the caller's to act on
-    function, arguments = pickle.loads(Path(sys.argv[1]).read_bytes())
+    folder, watched, memory = Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
+    threading.Thread(target=_end_with_caller, args=(folder, watched), daemon=True).start()
+    _limit(resource.RLIMIT_DATA, memory)
+    _limit(resource.RLIMIT_CORE, 0)  # a crash leaves no file behind
+    # pickle runs what it reads: the folder is this user's alone, and nothing but these two processes writes to it
+    function, arguments = pickle.loads((folder / "call").read_bytes())
     try:
         answer = function(*arguments)
     except Exception as error:
         answer = error
-    Path(sys.argv[2]).write_bytes(pickle.dumps(answer))
+    unfinished = folder / "unfinished"
+    unfinished.write_bytes(pickle.dumps(answer))
+    unfinished.rename(folder / "result")
+
+
+def _end_with_caller(folder: Path, watched: int) -> None:
+    """Wait until the caller is no more, then remove its folder and end this process and those that it started."""
+    os.read(watched, 1)
+    shutil.rmtree(folder, ignore_errors=True)
+    os.killpg(0, signal.SIGKILL)
+
+
+def _limit(kind: int, amount: int) -> None:
+    """Lower a limit of this process."""
+    highest = resource.getrlimit(kind)[1]
+    lower = amount if highest == resource.RLIM_INFINITY else min(amount, highest)
+    resource.setrlimit(kind, (lower, highest))

@@ -4,16 +4,15 @@ import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from math import radians
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import gmsh
 import numpy as np
 
+from geom2iga.bspline import Array
 from geom2iga.cad.conversion import Volume
 from geom2iga.cad.script import check_script
-from geom2iga.case import Block
 from geom2iga.errors import CaseError, GeometryError
 
 IGES = (".iges", ".igs")
@@ -43,26 +42,14 @@ def session() -> Iterator[None]:
             gmsh.finalize()
 
 
-def add_block(block: Block) -> int:
-    """Build a cuboid with OpenCASCADE in the open gmsh model; return the tag of its volume.
+def add_block(size: Array) -> int:
+    """Build a cuboid on the origin with OpenCASCADE in the open gmsh model; return the tag of its volume.
 
-    Raises
-    ------
-    GeometryError
-        A cuboid too small for OpenCASCADE.
+    Its edges are neither short nor long against 1: to OpenCASCADE, all within 1e-7 is one point.
     """
-    try:
-        tag = gmsh.model.occ.addBox(*block.origin, *block.size)
-    except Exception as error:  # gmsh raises nothing finer
-        raise GeometryError(
-            f"gmsh cannot build a cuboid of size {block.size} ({str(error).strip()}): it needs edges longer than 1e-7, "
-            "choose a smaller unit of length"
-        ) from None
-    if block.rotate is not None:
-        about = block.rotate.about or [o + s / 2 for o, s in zip(block.origin, block.size, strict=True)]
-        gmsh.model.occ.rotate([(3, tag)], *about, *block.rotate.axis, radians(block.rotate.angle))
+    tag = gmsh.model.occ.addBox(0, 0, 0, *size)
     gmsh.model.occ.synchronize()
-    return tag
+    return int(tag)
 
 
 def check_file(path: Path, trusted: bool = False) -> None:
@@ -104,7 +91,9 @@ def add_file(path: Path, unit: str = "MM") -> None:
                 gmsh.model.occ.importShapes(str(path))
             gmsh.model.occ.synchronize()
     except Exception as error:  # gmsh raises nothing finer
-        raise GeometryError(f"gmsh cannot read it: {str(error).strip()}; save it anew from the CAD program") from None
+        reason = str(error).strip() or "it does not say why"
+        advice = "correct it" if path.suffix.lower() == ".geo" else "save it anew from the CAD program"
+        raise GeometryError(f"gmsh cannot read it: {reason}; {advice}") from None
 
 
 @contextmanager

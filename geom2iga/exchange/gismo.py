@@ -129,6 +129,8 @@ class _NoDoctype(ElementTree.TreeBuilder):
 
 def _parsed(path: Path) -> Element:
     """Parse a file; what stands before its XML declaration is ignored, as G+Smo does."""
+    if path.exists() and not path.is_file():
+        raise CaseError(f'"{path}" is no file, but a folder or a device')
     try:
         content = path.read_bytes()
     except OSError as error:

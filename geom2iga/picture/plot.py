@@ -18,7 +18,7 @@ from geom2iga.picture.labels import Anchor, Region, find_anchors, regions
 from geom2iga.picture.scene import ABOVE, Camera, Layer
 from geom2iga.picture.sheet import Label, View, draw_page, wrapped
 from geom2iga.picture.skin import Skin, moved_apart, outer_faces, sample_skin
-from geom2iga.stage import uninterrupted
+from geom2iga.signals import uninterrupted
 
 BELOW = tuple(-x for x in ABOVE)  # shows what the view from above hides
 VIEWS = ((ABOVE, "from the front, right and above"), (BELOW, "from the back, left and below"))

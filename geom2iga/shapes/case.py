@@ -10,7 +10,7 @@ from geom2iga.errors import UserError
 from geom2iga.model import Part
 from geom2iga.shapes import primitives
 from geom2iga.shapes.domes import Bottom
-from geom2iga.tables import Name, Number, Positive, Vector
+from geom2iga.tables import Finite, Moderate, Name, Number, Positive, Vector
 
 Angle = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0, le=360)]
 Point = tuple[Number, Number]
@@ -89,7 +89,7 @@ class Hemisphere(Primitive):
     """Half a ball, its centre the origin, with a shank on its flat side or none; faces outside, flat, side."""
 
     radius: Positive = Field(description="its radius")
-    height: Annotated[Number, Field(ge=0)] = Field(0.0, description="of the shank")
+    height: Annotated[float, Finite, Field(ge=0), Moderate] = Field(0.0, description="of the shank")
     flat: Literal["up", "down"] = Field("up", description="where the flat side looks")
 
     def shape(self) -> Part:

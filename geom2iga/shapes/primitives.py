@@ -8,7 +8,7 @@ right-handed, nothing is collapsed, and the Jacobian is positive up to the bound
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
-from math import radians, sin
+from math import fmod, radians, sin
 from typing import Literal
 
 import numpy as np
@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 from geom2iga.bspline import Array
 from geom2iga.errors import GeometryError
 from geom2iga.model import SIDES, Part
-from geom2iga.patch import Face
+from geom2iga.patch import Face, Patch
 from geom2iga.shapes.domes import CORE, ORIGIN, Bottom, ball_blocks, domed_surface, half_ball_blocks, quarter_of
 from geom2iga.shapes.profile import profile
 from geom2iga.shapes.sweeps import arc, equal_angles, extruded, quadrilateral, revolved, ruled, turned
@@ -26,6 +26,7 @@ from geom2iga.spline import Spline
 
 LARGEST_CORE = 135.0  # what a corner of a core may take up around the axis [degrees]
 WHOLE = 360.0  # [degrees]
+BLURRED = 1e-6  # distance of neighbouring coordinates that is too much, in thicknesses of a body
 THINNEST = 1e-3  # sector or slit [degrees]
 EXTRUDED = ("front", "right", "back", "left")  # sides of a profile in the sequence of its corners
 REVOLVED = ("bottom", "outer", "top", "inner")
@@ -225,13 +226,32 @@ def placed(
         Right-handed [degrees].
     about : (3,)
         A point of the axis; left out, the origin.
+
+    Raises
+    ------
+    GeometryError
+        So far away that rounding there blurs the shape.
     """
     centre = np.asarray(origin if about is None else about, dtype=float)
-    direction = np.asarray(axis, dtype=float)
-    turn = Rotation.from_rotvec(radians(angle) * direction / np.linalg.norm(direction)).as_matrix()
+    direction = np.asarray(axis, dtype=float) / np.abs(axis).max()  # its length may be beyond what can be squared
+    turn = Rotation.from_rotvec(radians(fmod(angle, WHOLE)) * direction / np.linalg.norm(direction)).as_matrix()
     start = np.asarray(origin, dtype=float) - centre
     patches = [replace(p, control_points=(p.control_points + start) @ turn.T + centre) for p in part.patches]
+    _check_distance(part, patches, turn)
     return Part(tuple(patches), part.faces)
+
+
+def _check_distance(part: Part, patches: Sequence[Patch], turn: Array) -> None:
+    """Raise GeometryError where patches, turned, lie so far away that rounding there blurs what they were before."""
+    thickness = np.min([np.ptp(patch.control_points, axis=(0, 1, 2)) for patch in part.patches], axis=0)
+    farthest = np.max([np.abs(patch.control_points).max(axis=(0, 1, 2)) for patch in patches], axis=0)
+    blur = (np.abs(turn) * np.spacing(farthest)[:, None]).max(axis=0)
+    worst = int(np.argmax(blur / thickness))
+    if not blur[worst] <= BLURRED * thickness[worst]:
+        raise GeometryError(
+            f"it is {thickness[worst]:.3g} thick and reaches {farthest.max():.3g} far from the zero point, where "
+            f"coordinates are {blur[worst]:.1g} apart: move the model nearer to the zero point"
+        )
 
 
 def _part(name: str, volumes: Sequence[Spline], places: Places) -> Part:

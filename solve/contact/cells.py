@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from solve.contact.segments import enough_points, find_segments, integration_poi
 from solve.face import Surface, area_vectors, surface_of
 from solve.space import gauss_points
 
-TOUCHING = 1e-14  # gaps below this fraction of the largest coordinate are rounding errors
+TOUCHING = 6.0  # gaps below so many roundings of control points are rounding errors
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +43,10 @@ class Cells:
         Outward normal of the primary side.
     gap : (q,)
         (x_s - x_m)·n_m [length], positive where open.                               paper, eq. (11)
+    rounding : float
+        What gaps may be off by, as control points are rounded [length].
+    hidden : float
+        Largest gap or overlap that is taken as none, because rounding makes such [length].
     """
 
     secondary: Face
@@ -55,11 +60,14 @@ class Cells:
     primary_area: Array
     normal: Array
     gap: Array
+    rounding: float = 0.0
+    hidden: float = 0.0
 
     def chosen(self, kept: Mask | slice) -> "Cells":
         """Some of the points."""
-        names = (field.name for field in fields(self) if field.name not in ("secondary", "primary"))
-        return replace(self, **{name: getattr(self, name)[kept] for name in names})
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        some: dict[str, Any] = {name: array[kept] for name, array in values.items() if isinstance(array, np.ndarray)}
+        return replace(self, **some)
 
 
 def find_cells(model: Model, contact: Contact) -> tuple[Cells, ...]:
@@ -70,7 +78,7 @@ def find_cells(model: Model, contact: Contact) -> tuple[Cells, ...]:
     CaseError
         Unknown faces, faces of one body, faces that do not lie opposite each other.
     """
-    secondary, primary = ([surface_of(model, f) for f in model.faces(g)] for g in (contact.secondary, contact.primary))
+    secondary, primary, origin = _about_origin(model, contact)
     both = {model.body_of(s.face.patch) for s in secondary} & {model.body_of(s.face.patch) for s in primary}
     if both:
         raise CaseError(f'secondary and primary are both on body "{both.pop()}": contact needs two bodies')
@@ -82,7 +90,19 @@ def find_cells(model: Model, contact: Contact) -> tuple[Cells, ...]:
         names = f'"{contact.secondary}" and "{contact.primary}"'
         near = "" if contact.reach is None else f" within the reach of {contact.reach:g}"
         raise CaseError(f"{names} nowhere lie opposite and look at each other{near}: choose faces that may touch")
-    return cells
+    return tuple(replace(part, points=part.points + origin) for part in cells)
+
+
+def _about_origin(model: Model, contact: Contact) -> tuple[list[Surface], list[Surface], Array]:
+    """Faces of the two sides, moved so that they lie about the origin, and where that was.
+
+    A place far away costs no digits then, but for those that its control points lack.
+    """
+    sides = [[surface_of(model, face) for face in model.faces(g)] for g in (contact.secondary, contact.primary)]
+    points = np.concatenate([surface.patch.control_points.reshape(-1, 3) for side in sides for surface in side])
+    origin = points[0] + (points - points[0]).mean(axis=0)
+    secondary, primary = ([surface.moved(-origin) for surface in side] for side in sides)
+    return secondary, primary, origin
 
 
 def element_cells(
@@ -222,11 +242,15 @@ def _paired(
     at_s, normal_s, stretch = area_vectors(secondary, xi_s, spans_s)
     at_m, normal, _ = area_vectors(primary, xi_m, spans_m)
     gap = np.einsum("qk,qk->q", at_s - at_m, normal)
-    gap[np.abs(gap) <= TOUCHING * np.abs(at_s).max(initial=0.0)] = 0.0
+    rounding = max(secondary.rounding, primary.rounding)
+    none = np.abs(gap) <= TOUCHING * rounding
+    hidden = float(np.abs(gap[none]).max(initial=0.0))
+    gap[none] = 0.0
     spread = _spread(primary, xi_m, spans_m, gap)
     area = weights * stretch
     primary_area = area * np.abs(np.einsum("qk,qk->q", normal, normal_s)) / spread
-    return Cells(secondary.face, primary.face, xi_s, xi_m, spans_s, spans_m, at_s, area, primary_area, normal, gap)
+    places = (xi_s, xi_m, spans_s, spans_m, at_s)
+    return Cells(secondary.face, primary.face, *places, area, primary_area, normal, gap, rounding, hidden)
 
 
 def _spread(surface: Surface, xi: Array, spans: Indices, gap: Array) -> Array:

@@ -1,3 +1,5 @@
+import os
+import tracemalloc
 from dataclasses import replace
 from typing import Any
 
@@ -9,14 +11,18 @@ from hypothesis import strategies as st
 
 from geom2iga import build, files
 from geom2iga.errors import CaseError
-from geom2iga.files import FORMAT, VERSION, read_model, read_stamp, replacing, write_model
+from geom2iga.files import FORMAT, VERSION, created, put_model, read_model, read_stamp, replacing, write_model
 from geom2iga.model import Glued, Model
 from geom2iga.patch import Face
 from geom2iga.quality.certificate import Certificate
 from geom2iga.quality.jacobian import Jacobian
+from geom2iga.seal import SIZE
 from tests.cases import bent_patch, block_patch, model_of
 from tests.oracles import assert_round_trip, assert_same_model
+from tests.sealed import altered, reseal
 from tests.strategies import patches
+
+MODEL = model_of(block_patch("lower"))
 
 NAMES = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"), max_size=8) | st.sampled_from(
     ["Stößel", "上部/底", "a", "a/weights", "a/", "/a", ".", "..", "0", "patches", "name"]
@@ -149,19 +155,109 @@ def test_a_file_of_another_kind_is_refused(tmp_path, content):
     assert refused(path)
 
 
-def test_a_folder_is_no_file(tmp_path):
-    assert refused(tmp_path)
+def test_a_folder_is_no_file_and_none_can_be_made_in_its_place(tmp_path):
+    for use in (read_model, lambda path: read_stamp(path, FORMAT, VERSION), lambda path: write_model(path, MODEL)):
+        with pytest.raises(CaseError, match=f"{tmp_path.name}: a folder, expected a file; move it away"):
+            use(tmp_path)
 
 
 @pytest.mark.parametrize(
-    ("attribute", "value"), [("format", "geom2iga solution"), ("format", 7), ("version", VERSION + 1), ("version", "1")]
+    ("change", "said"),
+    [
+        (lambda path: reseal(path, -1), f"written by an older version: .* {VERSION}, found version {VERSION - 1}"),
+        (lambda path: reseal(path, 1), f"written by a newer version: .* {VERSION}, found version {VERSION + 1}"),
+        (lambda path: reseal(path, form="geom2iga solution"), 'expected "geom2iga geometry", found "geom2iga sol'),
+        (lambda path: path.write_bytes(path.read_bytes()[SIZE:]), "written by an older version or by another program"),
+        (lambda path: path.write_bytes(path.read_bytes()[:-1]), "damaged"),
+        (lambda path: path.write_bytes(path.read_bytes() + b"\0"), "damaged"),
+        (lambda path: path.write_bytes(b""), "empty"),
+        (lambda path: path.write_bytes(b"\0" * 10_000), 'no "geom2iga geometry" file, or damaged at its beginning'),
+        (lambda path: path.write_bytes(b"solid cube\n"), 'no "geom2iga geometry" file, or damaged at its beginning'),
+    ],
 )
-def test_a_file_of_another_format_or_version_is_refused(whole, attribute, value):
-    with h5py.File(whole, "a") as file:
-        file.attrs[attribute] = value
+def test_what_became_of_a_file_is_said(whole, change, said):
+    change(whole)
     assert refused(whole)
-    with pytest.raises(CaseError, match=f"(?s){FORMAT} version {VERSION}.*{value}"):
+    with pytest.raises(CaseError, match=f"^{whole}: {said}[^\n]*; make it anew$"):
         read_model(whole)
+
+
+def test_a_file_of_the_layout_before_is_refused(tmp_path):
+    """It had no first block, and its format and version among the attributes alone."""
+    path = tmp_path / "geometry.h5"
+    with h5py.File(path, "w") as file:
+        file.attrs.update({"format": FORMAT, "version": 2, "stamp": "stamp"})
+        put_model(file, MODEL)
+    assert refused(path)
+    with pytest.raises(CaseError, match="older version"):
+        read_model(path)
+
+
+def test_a_file_with_any_bit_changed_is_refused(whole):
+    content = whole.read_bytes()
+    random = np.random.default_rng(0)
+    for place in [*range(0, SIZE, 3), *random.integers(len(content), size=100)]:
+        flipped = bytearray(content)
+        flipped[place] ^= 1 << int(random.integers(8))
+        whole.write_bytes(flipped)
+        assert read_stamp(whole, FORMAT, VERSION) is None, place
+
+
+@pytest.mark.parametrize("target", ["geometry.h5", "nowhere", "/dev/null"])
+def test_a_link_that_leads_to_no_file_is_refused_and_replaced(whole, target):
+    whole.unlink()
+    whole.symlink_to(target)
+    assert read_stamp(whole, FORMAT, VERSION) is None
+    with pytest.raises(CaseError, match=whole.name):
+        read_model(whole)
+    write_model(whole, MODEL)
+    assert_same_model(read_model(whole), MODEL)
+    assert not whole.is_symlink()
+
+
+def test_a_pipe_is_not_waited_for(tmp_path):
+    os.mkfifo(path := tmp_path / "geometry.h5")
+    with pytest.raises(CaseError, match=r"geometry\.h5: a pipe or device"):
+        read_model(path)
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="the superuser reads everything")
+def test_a_file_that_must_not_be_read_is_said_to_be_one(whole):
+    whole.chmod(0)
+    with pytest.raises(CaseError, match=r"cannot be read \(permission denied\)"):
+        read_model(whole)
+
+
+def test_a_file_of_another_case_is_told_by_its_stamp(whole):
+    assert read_model(whole, "stamp").bodies
+    with pytest.raises(CaseError, match=r"made from another case, .*; run geom2iga again$"):
+        read_model(whole, "another", "run geom2iga again")
+
+
+def test_what_is_not_believed_is_said(whole, caplog):
+    assert read_stamp(whole.with_name("nowhere.h5"), FORMAT, VERSION) is None
+    assert not caplog.messages
+    whole.write_bytes(whole.read_bytes()[:-1])
+    assert read_stamp(whole, FORMAT, VERSION) is None
+    assert caplog.messages == [f"{whole}: damaged, its bytes are not those that were written; it is not used"]
+
+
+def test_other_programs_open_the_file_as_any_of_hdf5(whole):
+    with h5py.File(whole) as file:
+        assert set(file) == {"patches", "bodies", "groups", "glued"}
+    assert whole.read_bytes().startswith(f"{FORMAT} version {VERSION}\n".encode())
+
+
+def test_a_file_is_checked_without_being_held_in_memory(tmp_path):
+    path, size = tmp_path / "large.h5", 20_000_000
+    with created(path, FORMAT, VERSION, "stamp") as file:
+        file["zeros"] = np.zeros(size, dtype=np.uint8)
+    tracemalloc.start()
+    try:
+        assert read_stamp(path, FORMAT, VERSION) == "stamp"
+        assert tracemalloc.get_traced_memory()[1] < size / 10
+    finally:
+        tracemalloc.stop()
 
 
 def test_somebody_elses_hdf5_file_is_refused(tmp_path):
@@ -179,16 +275,16 @@ def test_somebody_elses_hdf5_file_is_refused(tmp_path):
     ],
 )
 def test_a_file_that_lacks_a_part_or_has_nonsense_for_it_is_refused(whole, part):
-    with h5py.File(whole, "a") as file:
+    with altered(whole) as file:
         del file[part]
-    with pytest.raises(CaseError, match="damaged"):
+    with pytest.raises(CaseError, match=r"damaged \("):
         read_model(whole)
-    for nonsense in (np.array([[0.5, -7.0]]), 3, "text", ["text"]):
-        with h5py.File(whole, "a") as file:
+    for nonsense in (np.array([[0.5, -7.0]]), 3, "text", ["text"], np.void(b"\x80\x04N.")):
+        with altered(whole) as file:
             if part in file:
                 del file[part]
             file[part] = nonsense
-        with pytest.raises(CaseError, match="damaged"):
+        with pytest.raises(CaseError, match=r"damaged \("):
             read_model(whole)
 
 

@@ -27,10 +27,10 @@ HIDDEN, VISIBLE = "\x1b[?25l", "\x1b[?25h"
 COMMAND = """
 import sys, time
 from geom2iga import progress as module
-from geom2iga.terminal import talk
+from geom2iga.terminal import talking
 
 module.DELAY = 0.2
-with module.turned_on(talk(False, False)):
+with talking(False, False) as console, module.turned_on(console):
     try:
         with module.progress("pushing"):
             for _ in range(400):

@@ -8,6 +8,7 @@ import gmsh
 import h5py
 import pytest
 
+import geom2iga
 from geom2iga import __main__ as command
 from geom2iga.__main__ import main
 from geom2iga.case import GeometryCase
@@ -137,7 +138,7 @@ def test_a_dry_run_says_what_would_be_done_and_writes_nothing(case, capsys):
 
 
 def test_a_dry_run_finds_geometry_that_cannot_be_built(case):
-    edit(case, "size = [1, 2, 3]", "size = [1, 2, 1e-9]")
+    edit(case, "size = [1, 2, 3]", "size = [1, 2, 3]\norigin = [1e12, 0, 0]")
     assert main(["-n", "-q", str(case)]) == 3
     assert list(case.parent.iterdir()) == [case]
 
@@ -263,6 +264,21 @@ def test_a_cad_file_that_vanished_is_missed_though_its_patches_are_there(tmp_pat
     read_model(tmp_path / "case.out" / "geometry.h5")  # what was there still is
 
 
+def test_a_cad_file_that_changes_while_it_is_read_is_not_believed(tmp_path, capsys, monkeypatch):
+    case = tmp_path / "case.toml"
+    case.write_text('[[geometry.cad]]\nname = "punch"\nfile = "punch.step"\n')
+    write_box(tmp_path / "punch.step", (1, 1, 1))
+
+    def build(case):
+        write_box(tmp_path / "punch.step", (1, 1, 2))
+        return geom2iga.build(case)
+
+    monkeypatch.setattr(command, "build", build)
+    assert main([str(case)]) == 2
+    assert "changed while it was read" in capsys.readouterr().err
+    assert not (tmp_path / "case.out" / "geometry.h5").exists()
+
+
 def test_a_wrong_case_ends_with_two_and_names_the_key(case, capsys):
     edit(case, "size = [1, 2, 3]", "size = [1, 2, -3]")
     assert main([str(case)]) == 2
@@ -374,7 +390,7 @@ def test_the_module_runs_as_a_command_with_nothing_but_data_on_standard_output(c
 
 
 def test_a_failing_command_ends_its_process_with_the_code(case):
-    edit(case, "size = [1, 2, 3]", "size = [1, 2, 1e-9]")
+    edit(case, "size = [1, 2, 3]", "size = [1, 2, 3]\norigin = [1e12, 0, 0]")
     ended = run_alone("cube.toml", folder=case.parent)
     assert ended.returncode == 3
     assert ended.stdout == ""

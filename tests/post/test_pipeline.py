@@ -151,6 +151,19 @@ def test_files_of_an_interrupted_run_are_not_taken_for_those_of_the_one_before(c
     np.testing.assert_array_equal(points_of(copy), expected)
 
 
+def test_the_run_after_one_whose_pictures_were_interrupted_leaves_its_summary(tmp_path, monkeypatch):
+    def stopped(*_):
+        raise KeyboardInterrupt
+
+    shutil.copy(CASE, tmp_path / "case.toml")
+    case = asked(tmp_path, "pictures = false")
+    with monkeypatch.context() as patched:
+        patched.setattr(sys.modules["post.export"], "write_data", stopped)
+        assert main(["-q", case]) == 130
+    assert main(["-q", case]) == 0
+    assert json.loads((tmp_path / "case.out" / "summary.json").read_text())["status"] == "converged"
+
+
 def test_files_of_a_failed_run_go_when_the_case_asks_for_them_no_more(copy, monkeypatch):
     before = (copy / "case.toml").read_text()
     with monkeypatch.context() as patched:
@@ -177,8 +190,11 @@ def test_a_case_that_does_not_converge_leaves_no_summary_of_another(copy, capsys
     path.write_text(path.read_text() + "\n[solve.augmentation]\nmax_steps = 1\n")
     assert main(["-q", case]) == 4
     assert "max_steps" in capsys.readouterr().err
-    assert not (copy / "case.out" / "summary.json").exists()
-    assert (copy / "case.out" / "geometry.h5").exists()
+    summary = json.loads((copy / "case.out" / "summary.json").read_text())
+    assert summary["status"] == "penetration"
+    assert summary["files"] == ["history.csv"]
+    left = {"geometry.h5", "history.csv", "log.txt", "solution.h5", "steps.h5", "summary.json"}
+    assert {path.name for path in (copy / "case.out").iterdir()} == left
 
 
 def test_a_dry_run_finds_a_wrong_name_in_verify(tmp_path, capsys):
@@ -209,7 +225,7 @@ def test_a_full_disk_is_a_sentence(tmp_path, capsys, monkeypatch):
 def test_an_interruption_while_drawing_comes_after_the_picture():
     import signal
 
-    from geom2iga.stage import uninterrupted
+    from geom2iga.signals import uninterrupted
 
     done = []
 

@@ -11,7 +11,7 @@ import pytest
 import solve.__main__
 from geom2iga.__main__ import main as geom2iga
 from solve.__main__ import FILE, STEPS, main
-from solve.files import read_result
+from solve.files import read_result, write_result
 
 CASE = """
 title = "two blocks"
@@ -189,11 +189,12 @@ def unfinished(case):
     assert geom2iga(["-q", str(case)]) == 0
 
 
-def test_no_convergence_is_exit_code_4_and_nothing_is_written(case, capsys):
+def test_no_convergence_is_exit_code_4_and_there_is_no_solution(case, capsys):
     unfinished(case)
     assert main([str(case)]) == 4
     assert "max_steps" in capsys.readouterr().err
-    assert sorted(path.name for path in output(case).iterdir()) == ["geometry.h5", "log.txt"]
+    names = ["geometry.h5", "history.csv", "log.txt", STEPS, "summary.json"]
+    assert sorted(path.name for path in output(case).iterdir()) == names
 
 
 def test_no_convergence_keeps_the_solution_of_before(case):
@@ -293,6 +294,21 @@ def test_load_steps_before_an_interruption_are_kept_and_gone_on_from(stepped, ca
     assert [state.load_factor for state in result.states] == [0.25, 0.5, 1.0]
     assert {step.load_step for step in result.history} == {1, 2, 3}
     np.testing.assert_array_equal(result.state.displacement, whole.state.displacement)
+    assert result.statistics["equilibrium_error"] == whole.statistics["equilibrium_error"]
+    assert sorted(path.name for path in output(stepped).iterdir()) == ["geometry.h5", "log.txt", FILE]
+
+
+def test_load_steps_that_a_run_cut_off_at_its_end_left_behind_go_with_the_next(stepped, monkeypatch):
+    def cut_off(path, *arguments):
+        write_result(path, *arguments)
+        if path.name == FILE:
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(solve.__main__, "write_result", cut_off)
+        assert main(["-q", str(stepped)]) == 130
+    assert (output(stepped) / STEPS).exists()
+    assert main(["-q", str(stepped)]) == 0
     assert sorted(path.name for path in output(stepped).iterdir()) == ["geometry.h5", "log.txt", FILE]
 
 

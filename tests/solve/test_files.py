@@ -1,6 +1,7 @@
 import dataclasses
 import shutil
 from collections.abc import Mapping
+from pathlib import Path
 
 import h5py
 import numpy as np
@@ -11,8 +12,9 @@ from hypothesis import strategies as st
 import geom2iga
 import solve
 from geom2iga.errors import CaseError
-from solve.files import FORMAT, VERSION, read_result, write_result
+from solve.files import FORMAT, read_result, write_result
 from tests.cases import patch_test_case
+from tests.sealed import altered, reseal
 
 
 @pytest.fixture(scope="module")
@@ -89,16 +91,52 @@ def test_a_file_that_was_cut_off_is_refused(written, tmp_path_factory, share):
 def test_a_file_of_another_kind_is_refused(tmp_path, content):
     path = tmp_path / "solution.h5"
     path.write_bytes(content)
-    with pytest.raises(CaseError, match="damaged"):
+    with pytest.raises(CaseError, match=r"solution\.h5: .*; make it anew"):
         read_result(path)
 
 
-@pytest.mark.parametrize(("attribute", "value"), [("format", "geom2iga geometry"), ("version", VERSION + 1)])
-def test_a_file_of_another_format_or_version_is_refused(written, tmp_path, attribute, value):
-    path = shutil.copy(written, tmp_path)
-    with h5py.File(path, "a") as file:
-        file.attrs[attribute] = value
-    with pytest.raises(CaseError, match=f"expected {FORMAT} version {VERSION}"):
+@pytest.mark.parametrize("change", [{"form": "geom2iga geometry"}, {"later": 1}, {"later": -1}])
+def test_a_file_of_another_format_or_version_is_refused(written, tmp_path, change):
+    path = Path(shutil.copy(written, tmp_path))
+    reseal(path, **change)
+    with pytest.raises(CaseError, match=f'expected "{FORMAT}"'):
+        read_result(path)
+
+
+def test_a_geometry_is_no_solution(result, tmp_path):
+    geom2iga.write_model(tmp_path / "solution.h5", result.model)
+    with pytest.raises(CaseError, match='expected "geom2iga solution", found "geom2iga geometry"'):
+        read_result(tmp_path / "solution.h5")
+
+
+def test_a_solution_of_another_case_is_told_by_its_stamp(result, written):
+    assert_same(read_result(written, "stamp"), result)
+    with pytest.raises(CaseError, match="made from another case"):
+        read_result(written, "other")
+
+
+NUMBERS = ("displacement", "load_factor", "contacts/0/control_gap", "contacts/0/pressure", "contacts/0/penalty")
+
+
+@pytest.mark.parametrize("name", [*NUMBERS, "contacts/0/centres", "contacts/0/force", "reactions/moment"])
+def test_a_state_that_is_no_number_is_refused(written, tmp_path, name):
+    path = Path(shutil.copy(written, tmp_path))
+    with altered(path) as file:
+        values = np.array(file[f"states/0/{name}"])
+        values.flat[-1] = np.nan
+        file[f"states/0/{name}"][...] = values
+    with pytest.raises(CaseError, match=f"damaged .*{name.split('/')[-1]} has entries that are no finite numbers"):
+        read_result(path)
+
+
+@pytest.mark.parametrize("name", ["displacement", "contacts/0/pressure", "contacts/0/active", "contacts/0/centres"])
+def test_a_state_of_another_model_is_refused(written, tmp_path, name):
+    path = Path(shutil.copy(written, tmp_path))
+    with altered(path) as file:
+        values = np.array(file[f"states/0/{name}"])
+        del file[f"states/0/{name}"]
+        file[f"states/0/{name}"] = values[:-1]
+    with pytest.raises(CaseError, match="has the shape"):
         read_result(path)
 
 
@@ -111,10 +149,10 @@ def contents(path):
 
 
 def test_whatever_is_missing_inside_is_a_damage_and_no_crash(written, tmp_path):
-    optional = {"@stamp", "states", "states/0", "states/0/contacts", "states/0/contacts/0"}
+    optional = {"@format", "@version", "states", "states/0", "states/0/contacts", "states/0/contacts/0"}
     for name in contents(written):
-        path = shutil.copy(written, tmp_path)
-        with h5py.File(path, "a") as file:
+        path = Path(shutil.copy(written, tmp_path))
+        with altered(path) as file:
             entry, _, attribute = name.partition("@")
             if attribute:
                 del file[entry or "/"].attrs[attribute]
@@ -130,10 +168,10 @@ def test_whatever_is_missing_inside_is_a_damage_and_no_crash(written, tmp_path):
     [("status", "SPLENDID"), ("statistics", "{"), ("materials", "[1]"), ("history", '[{"number": 1}]')],
 )
 def test_an_attribute_that_makes_no_sense_is_a_damage_and_no_crash(written, tmp_path, attribute, value):
-    path = shutil.copy(written, tmp_path)
-    with h5py.File(path, "a") as file:
+    path = Path(shutil.copy(written, tmp_path))
+    with altered(path) as file:
         file.attrs[attribute] = value
-    with pytest.raises(CaseError, match=r"solution\.h5"):
+    with pytest.raises(CaseError, match=r"solution\.h5: damaged \("):
         read_result(path)
 
 

@@ -1,4 +1,5 @@
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from scipy.sparse import csr_array
 from solve.case import Newton
 from solve.contact.laws import Penalty
 from solve.linear import SuperLU
-from solve.newton import Status, minimise
+from solve.newton import RECENT, Status, minimise
 from solve.system import System
 from solve.tangents import Factorised
 from tests.cases import contact_system, exact_step_along
@@ -153,6 +154,26 @@ def test_without_load_nothing_moves():
 
 def test_a_particle_that_is_pulled_off_is_unbounded():
     assert solved_with(particle(load=2.0)).status is Status.UNBOUNDED
+
+
+@given(SEEDS, st.floats(1e-3, 1e3))
+def test_a_body_that_is_pulled_off_is_unbounded_whatever_rounding_leaves_of_its_stiffness(seed, size):
+    system = contact_system(seed, free=6, contacts=1, rigid_motions=1)
+    rigid = system.rigid[:, 0]
+    opening = rigid * np.sign((system.gap_operator @ rigid)[0])
+    pulled = replace(system, load=system.load - rigid * (rigid @ system.load) + size * opening)
+    found = solved_with(pulled)
+    assert found.status is Status.UNBOUNDED
+    assert len(found.history) <= 3
+    np.testing.assert_allclose(found.drift / np.linalg.norm(found.drift), opening, rtol=0, atol=1e-9)
+
+
+def test_what_is_recent_are_the_last_active_sets_of_as_many_steps_as_matter():
+    system = several_steps_needed()
+    found = solved_with(system)
+    assert len(found.recent) == min(RECENT, len(found.history) + 1)
+    changes = [np.count_nonzero(one != other) for one, other in pairwise(found.recent)]
+    assert changes == [step.changes for step in found.history][-len(changes) :]
 
 
 def test_a_particle_that_nothing_holds_is_singular():

@@ -209,8 +209,8 @@ def test_a_location_is_the_product_of_powers_of_others(first, second, parts):
     nested = ["2 " + chain + " 0", "2 3 2 1 1 0", "2 4 -1 0"]
     brep = read_brep(text_of(locations=(*elementary, *nested)))
     powers = [np.linalg.matrix_power(full((first, second)[number - 1]), power) for number, power in parts]
-    expected = np.linalg.multi_dot([np.eye(4), np.eye(4), *powers])
-    twice = expected @ expected @ full(first)
+    expected = np.linalg.multi_dot([np.eye(4), np.eye(4), *reversed(powers)])  # what stands first is applied first
+    twice = full(first) @ expected @ expected
     for number, matrix in ((3, expected), (4, twice), (5, np.linalg.inv(twice))):
         found = brep.matrix(brep.locations[number])
         np.testing.assert_allclose(found, matrix[:3], rtol=0, atol=1e-11 * np.abs(matrix).max())

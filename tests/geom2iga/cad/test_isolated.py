@@ -1,12 +1,19 @@
+import logging
 import os
 import signal
+import subprocess
+import sys
 import time
+from pathlib import Path
 
+import psutil
 import pytest
 
 from geom2iga.cad import session
 from geom2iga.cad.isolated import isolated
 from geom2iga.errors import CaseError, GeometryError
+
+CAUGHT = (signal.SIGINT, signal.SIGTERM)
 
 
 def test_a_function_is_called_in_another_process():
@@ -35,3 +42,56 @@ def test_what_the_user_did_wrong_comes_through_as_it_is(tmp_path):
     with pytest.raises(CaseError, match="no such file") as error:
         isolated(session.check_file, tmp_path / "missing.step", seconds=60)
     assert error.value.exit_code == 2
+
+
+def test_a_function_that_takes_too_much_memory_is_stopped():
+    with pytest.raises(GeometryError, match=r"more than the 1 GB of memory it may"):
+        isolated(bytearray, 20_000_000_000, seconds=60, memory=1e9)
+
+
+def test_what_the_other_process_prints_goes_to_the_log(capfd, caplog):
+    with caplog.at_level(logging.DEBUG, "geom2iga"):
+        isolated(os.system, "echo one; echo two >&2", seconds=60)
+    assert capfd.readouterr() == ("", "")
+    assert "one\ntwo" in caplog.text
+
+
+def started(folder):
+    """Processes whose command names a folder."""
+    return [
+        each for each in psutil.process_iter(["cmdline"]) if any(str(folder) in w for w in each.info["cmdline"] or ())
+    ]
+
+
+def awaited(condition, seconds=60.0):
+    """Wait until something holds."""
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+@pytest.mark.slow
+def test_what_the_other_process_started_ends_with_it(tmp_path):
+    with pytest.raises(GeometryError, match="did not end"):
+        isolated(subprocess.call, ["sh", "-c", f"echo > {tmp_path}/begun; sleep 600"], seconds=30)
+    assert (tmp_path / "begun").exists()
+    awaited(lambda: not started(tmp_path))
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, *(pytest.param(n, marks=pytest.mark.slow) for n in CAUGHT)])
+def test_nothing_is_left_of_the_other_process_when_its_caller_ends(tmp_path, number):
+    script = f"""
+import subprocess
+from geom2iga.cad.isolated import isolated
+isolated(subprocess.call, ["sh", "-c", "echo > {tmp_path}/begun; sleep 600"], seconds=600)
+"""
+    folder = tmp_path / "temporary"
+    folder.mkdir()
+    environment = os.environ | {"TMPDIR": str(folder), "PYTHONPATH": str(Path(__file__).parents[3])}
+    caller = subprocess.Popen([sys.executable, "-c", script], env=environment, stderr=subprocess.DEVNULL)
+    awaited((tmp_path / "begun").exists)
+    assert any(each.pid != caller.pid for each in started(folder))
+    caller.send_signal(number)
+    assert caller.wait(60) != 0
+    awaited(lambda: not started(tmp_path) and not any(folder.iterdir()))
