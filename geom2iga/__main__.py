@@ -40,8 +40,9 @@ def run(case: Case, folder: Path, stamp: str) -> None:
     model = build(case)
     _check_unchanged(case, folder, stamp)
     discard(folder)
-    for name in (*PICTURES, *(export.file for export in EXPORTS.values())):
-        (folder / name).unlink(missing_ok=True)
+    if (folder / FILE).exists():  # else they are not of an earlier run
+        for name in (*PICTURES, *(export.file for export in EXPORTS.values())):
+            (folder / name).unlink(missing_ok=True)
     write_model(folder / FILE, model, stamp)
     for body in model.bodies:
         log.info("%s", describe(model, body))

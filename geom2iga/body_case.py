@@ -5,6 +5,7 @@ from typing import Annotated, Any, Self
 import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
+from geom2iga.bspline import Array
 from geom2iga.tables import (
     Count,
     Degrees,
@@ -136,6 +137,18 @@ class Body(Mesh):
         return self
 
 
+NARROWEST = 1e-9  # of a direction: what the spans of a case are at least long
+
+
+def check_spans(knots: Array) -> None:
+    """Raise ValueError where a span between different knots, which do not decrease, is next to nothing."""
+    steps = np.diff(knots)
+    narrow = np.flatnonzero((steps > 0) & (steps < NARROWEST * (knots[-1] - knots[0])))
+    if narrow.size:
+        one, other = knots[narrow[0]], knots[narrow[0] + 1]
+        raise ValueError(f"{one:g} and {other:g} are nearer than {NARROWEST:g} of the whole: leave one of them out")
+
+
 class OnePatch(Body):
     """A body of one patch, whose directions are known beforehand."""
 
@@ -148,4 +161,8 @@ class OnePatch(Body):
         for direction, at in enumerate(self.breaks or ()):
             if len(at) < 2 or at[0] != 0 or at[-1] != 1 or np.any(np.diff(at) <= 0):
                 raise ValueError(f"breaks[{direction}] must increase from 0 to 1, found {at}")
+            try:
+                check_spans(np.array(at))
+            except ValueError as error:
+                raise ValueError(f"breaks[{direction}]: {error}") from None
         return self

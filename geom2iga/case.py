@@ -7,7 +7,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from geom2iga import bspline
-from geom2iga.body_case import Body, OnePatch, Rotation
+from geom2iga.body_case import Body, OnePatch, Rotation, check_spans
 from geom2iga.cad.case import Cad, Import
 from geom2iga.shapes.case import Cylinder, DomedBlock, Extrusion, Hemisphere, Pipe, Revolution, Sphere
 from geom2iga.tables import Degrees, Direction, Name, Positive, Table, Units, Vector, repeated
@@ -33,6 +33,7 @@ class Block(OnePatch):
         for direction, (knots, degree) in enumerate(zip(self.knots or (), degrees, strict=False)):
             try:
                 bspline.check_knots(np.array(knots), degree)
+                check_spans(np.array(knots))
             except ValueError as error:
                 raise ValueError(f"knots[{direction}]: {error}") from None
         if self.breaks is not None:

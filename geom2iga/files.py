@@ -16,7 +16,7 @@ from geom2iga.model import Glued, Model
 from geom2iga.patch import Face, Patch
 from geom2iga.quality.certificate import Certificate
 from geom2iga.quality.jacobian import Jacobian
-from geom2iga.seal import ANEW, SIZE, check_no_folder, seal, unsealed
+from geom2iga.seal import ANEW, SIZE, check_no_folder, check_ours, seal, unsealed
 from geom2iga.signals import uninterrupted
 from geom2iga.temporary import temporary_path
 
@@ -92,9 +92,9 @@ def read_stamp(path: Path, form: str, version: int) -> str | None:
     Raises
     ------
     CaseError
-        A folder has its name, so that none can be made anew.
+        A folder or somebody else's file has its name, so that none can be made anew.
     """
-    check_no_folder(path)
+    check_ours(path)
     if not os.path.lexists(path):
         return None
     try:

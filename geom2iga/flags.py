@@ -48,7 +48,7 @@ def command_parser(
     running = parser.add_argument_group("what to do")
     _file(
         running.add_argument(
-            "-o", "--output", type=Path, metavar="DIR", help="output folder, <case>.out beside the case"
+            "-o", "--output", type=folder, metavar="DIR", help="output folder, <case>.out beside the case"
         ),
         FOLDERS,
     )
@@ -63,7 +63,8 @@ def command_parser(
     talking.add_argument("--json", action="store_true", help="print the summary on standard output")
     alone = parser.add_argument_group("instead of running a case").add_mutually_exclusive_group()
     _file(
-        alone.add_argument("--new", type=Path, metavar="DIR", help="write a case to begin with into a folder"), FOLDERS
+        alone.add_argument("--new", type=folder, metavar="DIR", help="write a case to begin with into a folder"),
+        FOLDERS,
     )
     alone.add_argument("--schema", action="store_true", help="print the JSON schema of the case file, for editors")
     alone.add_argument(
@@ -102,7 +103,14 @@ def duration(text: str) -> float:
     >>> duration("90"), duration("10m"), duration("2h")
     (90.0, 600.0, 7200.0)
     """
-    return _positive(text, DURATIONS, "s", "a duration such as 90, 10m or 2h")
+    return _positive(text, DURATIONS, "S", "a duration such as 90, 10m or 2h")
+
+
+def folder(text: str) -> Path:
+    """Read the name of a folder; an empty one, as of a variable that is not set, would be the current folder."""
+    if not text:
+        raise argparse.ArgumentTypeError("empty, name a folder")
+    return Path(text)
 
 
 def count(text: str) -> int:
@@ -116,7 +124,7 @@ def _positive(text: str, units: Mapping[str, float], usual: str, expected: str) 
     """Read a positive number with a unit or without."""
     number = text.rstrip(ascii_letters)
     try:
-        value = float(number) * units[text[len(number) :].upper() or usual.upper()]
+        value = float(number) * units[text[len(number) :].upper() or usual]
     except (KeyError, ValueError):
         value = nan
     if not 0 < value < inf:

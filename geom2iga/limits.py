@@ -92,10 +92,9 @@ class Watch:
 
     def __init__(self, memory: float | None, seconds: float | None) -> None:
         self.memory, self._seconds, self._began = memory, seconds, time.monotonic()
-        self._process, self._children = psutil.Process(), list[psutil.Process]()
-        self._ended, self.reached = threading.Event(), None
-
-    reached: UserError | None  # what ended the work
+        self._process, self._ended = psutil.Process(), threading.Event()
+        self._children: list[psutil.Process] = []
+        self.reached: UserError | None = None  # what ended the work
 
     def resident(self) -> int:
         """Memory of this process and of the children that are known [bytes]."""
@@ -147,13 +146,13 @@ class Watch:
         """Say which limit is passed, if any."""
         if self.memory is not None and taken > self.memory:
             return MemoryLimitError(
-                f"stopped at {_gigabytes(taken)} GB of memory, --max-memory allows {_gigabytes(self.memory)} GB; stages"
-                " and load steps that had ended are kept: allow more and run it again to go on, or take fewer spans"
+                f"stopped at {_gigabytes(taken, 3)} GB of memory, --max-memory allows {_gigabytes(self.memory, 3)} GB; "
+                "what had ended is kept: allow more, or take fewer spans"
             )
         if self._seconds is not None and seconds > self._seconds:
             return TimeLimitError(
-                f"stopped after {seconds:.3g} s, --max-time allows {self._seconds:g} s; stages and load steps that had "
-                "ended are kept: run it again to go on"
+                f"stopped after {seconds:.3g} s, --max-time allows {self._seconds:g} s; what had ended is kept: "
+                "allow more, or run it again to go on from there"
             )
         return None
 
@@ -191,9 +190,10 @@ def check_memory(what: str, wanted: float, advice: str) -> None:
     advice : str
         What to do.
     """
-    free = free_memory()
+    allowed = _allowed()
+    free = min(psutil.virtual_memory().available, group_memory(), allowed)
     if wanted > free:
-        whose = " under --max-memory" if free == _allowed() else ""
+        whose = " under --max-memory" if free == allowed else ""
         raise CaseError(
             f"{what} need about {_gigabytes(wanted)} GB of memory, {_gigabytes(free)} GB are free{whose}: {advice}"
         )
@@ -248,9 +248,9 @@ def peak_memory() -> int:
     return largest if sys.platform == "darwin" else 1024 * largest
 
 
-def _gigabytes(size: float) -> str:
-    """Write a size with two digits."""
-    return f"{size / GIGABYTE:.2g}"
+def _gigabytes(size: float, digits: int = 2) -> str:
+    """Write a size with some digits."""
+    return f"{size / GIGABYTE:.{digits}g}"
 
 
 _WATCH: ContextVar[Watch | None] = ContextVar("watch", default=None)

@@ -21,7 +21,7 @@ LENGTH_SAMPLES = 257  # points that measure the length of a line, between the br
 LINES = (0.0, 0.25, 0.5, 0.75, 1.0)  # where in the other directions lengths are measured
 MOST_SPANS = 10_000  # along one direction of a patch
 MOST_POINTS = 100_000_000  # of a body: three gigabytes of coordinates and weights
-CONTROL_POINT = 150  # bytes of a control point while it is made, measured
+CONTROL_POINT = 100  # bytes of a control point while it is made: 82 to 94 on blocks of degree 1, 2, 4, a pipe, a sphere
 LONGER = 1e-4  # by which a span may exceed the size asked for: what those points leave open
 
 

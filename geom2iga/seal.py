@@ -17,8 +17,13 @@ from geom2iga.errors import CaseError
 
 SIZE = 512  # HDF5 looks for its beginning at 0, 512, 1024, ... bytes: what lies before is ours
 LINE = re.compile(rb"(geom2iga [a-z ]+) version (\d{1,9})\n")
+HDF5 = b"\x89HDF\r\n\x1a\n"  # how such a file, or what lies behind our block, begins
+START = 8 * SIZE  # of an HDF5 file of ours, where one of its marks is found although some bytes are damaged
+MARKS = re.compile(rb"geom2iga|." + re.escape(HDF5), re.DOTALL)  # somebody else's begins with what HDF5 begins with
+MARKS_OF_SUMMARY = re.compile(rb'"(digest|stamp|newton_iterations)"')  # anywhere in a summary.json of ours
 ANEW = "make it anew"
-PASSING = ("seconds", "peak_memory")  # of a summary: what no two runs have in common
+# of a summary: what no two runs have in common, or not those that were cut off and gone on with
+PASSING = ("seconds", "peak_memory", "linear_iterations", "factorisations")
 
 
 def seal(form: str, version: int, content: bytes | memoryview) -> bytes:
@@ -85,6 +90,34 @@ def check_no_folder(path: Path) -> None:
         raise CaseError(f"{path}: a folder, expected a file; move it away or choose another output folder")
 
 
+def check_ours(path: Path) -> None:
+    """Raise CaseError where something that we did not write has the name of a file of ours.
+
+    A file of ours that is damaged is still known for one, unless nothing that marks it is left; an empty file or
+    one of zeros is nobody's, a link or pipe holds nothing that could be lost.
+    """
+    check_no_folder(path)
+    if not path.is_file():
+        return
+    with readable(path) as file:
+        content, marks = (file.read(START), MARKS) if path.suffix == ".h5" else (file.read(), MARKS_OF_SUMMARY)
+    if content.strip(b"\0") and not marks.search(content):
+        raise CaseError(
+            f"{path}: not written by this program, or damaged beyond recognition; move it away or name another folder "
+            "with -o"
+        )
+
+
+def made_folder(folder: Path) -> None:
+    """Make a folder where there is none yet; raise CaseError where something else has its name."""
+    where = "move it away or choose another output folder (-o)"
+    if folder.exists() and not folder.is_dir():
+        raise CaseError(f"{folder}: a file, not a folder; {where}")
+    if folder.is_symlink() and not folder.exists():
+        raise CaseError(f"{folder}: a link that leads nowhere; {where}")
+    folder.mkdir(parents=True, exist_ok=True)
+
+
 def _unreadable(path: Path, error: OSError | ValueError) -> CaseError:
     reason = getattr(error, "strerror", None) or str(error)
     return CaseError(f"{path}: cannot be read ({reason.lower()}); mend that or remove it")
@@ -94,7 +127,7 @@ def _fault(block: bytes, form: str, version: int) -> str | None:
     """Say what the first block of a file shows it to be, None if it is what it must be."""
     if not block:
         return "empty"
-    if block.startswith(b"\x89HDF\r\n\x1a\n"):
+    if block.startswith(HDF5):
         return f'written by an older version or by another program, expected "{form}" version {version}'
     line = LINE.match(block)
     if not line:

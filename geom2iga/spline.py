@@ -13,6 +13,7 @@ from scipy.sparse import csr_array
 
 from geom2iga import bspline
 from geom2iga.bspline import Array, Indices, applied
+from geom2iga.errors import GeometryError
 from geom2iga.patch import Patch
 
 KNOTS_AGREE = 1e-10  # knots of [0, 1] nearer than this are one
@@ -175,11 +176,18 @@ def restricted(degree: int, knots: Array, coefficients: Array, low: float, high:
         Open, from 0 to 1.
     coefficients : (m, k)
         Blossoms at the new knots (Ramshaw 1989).
+
+    Raises
+    ------
+    GeometryError
+        Nothing lies between the ends.
     """
     reach = KNOTS_AGREE * (high - low)
     low, high = (
         float(knots[np.abs(knots - end).argmin()]) if np.abs(knots - end).min() < reach else end for end in (low, high)
     )
+    if not low < high:
+        raise GeometryError(f"a B-spline is used from parameter {low:g} to {high:g}, where nothing lies: draw it anew")
     inner = knots[(knots > low) & (knots < high)]
     wanted = np.concatenate([np.repeat(low, degree + 1), inner, np.repeat(high, degree + 1)])
     windows = np.lib.stride_tricks.sliding_window_view(wanted, degree + 1)[: len(wanted) - degree - 1]

@@ -6,17 +6,18 @@ import json
 import logging
 import traceback
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from geom2iga.errors import CaseError, UserError, VerificationError
+from geom2iga.errors import CaseError, NotConvergedError, UserError, VerificationError
 from geom2iga.flags import command_parser, completion
 from geom2iga.limits import limited
 from geom2iga.progress import turned_on
 from geom2iga.schema import schema
-from geom2iga.seal import check_no_folder, listed
+from geom2iga.seal import check_ours, listed, read_sealed
 from geom2iga.signals import exit_code, interruptible
 from geom2iga.starter import write_starter
 from geom2iga.tables import Case, Table, checked, read_case
@@ -26,6 +27,7 @@ from geom2iga.threads import threads
 log = logging.getLogger("geom2iga")
 
 OUR_BUG = 1
+SUMMARY = "summary.json"
 
 
 @dataclass(frozen=True)
@@ -92,21 +94,19 @@ def run_command(description: str, stages: Sequence[Stage], arguments: Sequence[s
     program = stages[0].name if len(stages) == 1 else "iga-run"
     parser = command_parser(program, description, program_version(), [stage.flags for stage in stages])
     options = parser.parse_args(arguments)
-    if options.print_completion:
-        print_data(completion(parser, options.print_completion))
-        return 0
-    if options.schema:
-        print_json(schema([stage.tables for stage in stages], program))
-        return 0
     with talking(options.quiet, options.verbose) as console, turned_on(console):
+        if options.print_completion:
+            return _guarded(program, lambda: print_data(completion(parser, options.print_completion)))
+        if options.schema:
+            return _guarded(program, lambda: print_json(schema([stage.tables for stage in stages], program)))
         return _guarded(program, lambda: _limited(program, options, stages))
 
 
-def _guarded(program: str, work: Callable[[], int]) -> int:
+def _guarded(program: str, work: Callable[[], int | None]) -> int:
     """Turn what goes wrong into messages and exit codes."""
     try:
         with interruptible():
-            return work()
+            return work() or 0
     except UserError as error:
         return _failed(error.exit_code, str(error))
     except KeyboardInterrupt as error:
@@ -147,24 +147,40 @@ def _run(program: str, options: Any, stages: Sequence[Stage]) -> int:
     for stage in stages:
         checked(case, stage.tables)
     if options.dry_run:
-        for stage in stages:
-            log.info("%s: %s", stage.name, stage.plan(case))
-        return 0
-    stages[0].stamp(case, folder)  # raises where an earlier stage has not been run, before anything is written
-    log_file = log_to(folder, f"geom2iga {program_version()}")
+        return _print_plans(options, stages, case)
     try:
+        stages[0].stamp(case, folder)  # raises where an earlier stage has not been run, before anything is written
+        check_ours(folder / SUMMARY)
+        log_file = log_to(folder, f"geom2iga {program_version()}")
         for stage in stages:
             _run_stage(stage, case, folder, options)
             log_file.check_there()
     except VerificationError:
         _print_summary(options, stages, folder)
         raise
+    except NotConvergedError:
+        if options.json:
+            with suppress(CaseError):
+                print_json(read_sealed(folder / SUMMARY))
+        raise
     return _print_summary(options, stages, folder)
+
+
+def _print_plans(options: Any, stages: Sequence[Stage], case: Case) -> int:
+    """Say what would be done."""
+    plans = {}
+    for stage in stages:
+        plans[stage.name] = stage.plan(case)
+        log.info("%s: %s", stage.name, plans[stage.name])
+    if options.json:
+        print_json(plans)
+    return 0
 
 
 def _run_stage(stage: Stage, case: Case, folder: Path, options: Any) -> None:
     stamp = stage.stamp(case, folder)
-    if not options.force and stage.written(folder) == stamp:
+    written = stage.written(folder)  # raises where something that is not ours would be overwritten
+    if written == stamp and not options.force:
         log.info("%s: up to date", stage.name)
     else:
         stage.run(case, folder, stamp)
@@ -173,8 +189,8 @@ def _run_stage(stage: Stage, case: Case, folder: Path, options: Any) -> None:
 
 def discard(folder: Path) -> None:
     """Remove summary.json and all that it lists, because they no longer show what lies beside them."""
-    check_no_folder(folder / "summary.json")
-    for name in (*listed(folder / "summary.json"), "summary.json"):
+    check_ours(folder / SUMMARY)
+    for name in (*listed(folder / SUMMARY), SUMMARY):
         (folder / name).unlink(missing_ok=True)
 
 

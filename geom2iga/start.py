@@ -6,15 +6,21 @@ Its libraries take a second to import, and nothing is written by then. Programs 
 import signal
 import sys
 import threading
+from itertools import pairwise
 from pathlib import Path
 
 COMMANDS = ("geom2iga", "iga-solve", "iga-post", "iga-run")
 MODULE = "-m"  # what sys.argv begins with while python -m imports the package that it runs
+PACKAGES = ("geom2iga", "solve", "post")
 
 
 def is_command() -> bool:
     """Whether this process runs one of our commands."""
-    return Path((getattr(sys, "argv", None) or [""])[0]).name in (*COMMANDS, MODULE)
+    name = (getattr(sys, "argv", None) or [""])[0]
+    if name == MODULE:
+        words = (run for flag, run in pairwise(sys.orig_argv) if flag[:1] == "-" and flag[-1:] == "m")  # also -Im
+        return next(words, "").partition(".")[0] in PACKAGES
+    return Path(name).name in COMMANDS
 
 
 if (

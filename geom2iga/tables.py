@@ -41,7 +41,7 @@ def _not_tiny(value: float) -> float:
 Finite = Field(strict=True, allow_inf_nan=False)
 Moderate = AfterValidator(_moderate)  # after bounds, so that the schema for editors shows these
 Number = Annotated[float, Finite, Moderate]
-Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0), Moderate, AfterValidator(_not_tiny)]
+Positive = Annotated[float, Finite, Field(gt=0), Moderate, AfterValidator(_not_tiny)]
 Count = Annotated[int, Field(strict=True, ge=1)]
 Vector = tuple[Number, Number, Number]
 Direction = tuple[list[Number], list[Number], list[Number]]
@@ -150,7 +150,7 @@ def _check_size(tables: Mapping[str, Any], name: str) -> None:
         elif isinstance(value, int) and abs(value) > MOST_INTEGER:
             raise CaseError(f"{name}: {key} has more digits than numbers of TOML may have, write it as 1e20 or so")
         elif isinstance(value, list | tuple):
-            most = MOST_TABLES if any(isinstance(each, Mapping) for each in value[:1]) else MOST_NUMBERS
+            most = MOST_TABLES if value and isinstance(value[0], Mapping) else MOST_NUMBERS
             if len(value) > most:
                 raise CaseError(f"{name}: {key} has {len(value)} entries, should have at most {most}")
             left += [(f"{key}[{n}]", each, level + 1) for n, each in enumerate(value) if not isinstance(each, float)]
@@ -182,7 +182,9 @@ def read_case(path: str | Path) -> Case:
         raise CaseError(f"{path}: {(error.strerror or str(error)).lower()}; give the path of a case file") from None
     except RecursionError:
         raise CaseError(too_deep) from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except UnicodeDecodeError as error:
+        raise CaseError(f"{path}: not a TOML file: it is not text in UTF-8 (byte {error.start})") from None
+    except tomllib.TOMLDecodeError as error:
         raise CaseError(f"{path}: not a TOML file: {error}") from None
     except ValueError:  # of int(): Python reads no longer ones
         raise CaseError(f"{path}: not a TOML file: a number has thousands of digits") from None

@@ -14,6 +14,7 @@ from typing import Any
 from rich.console import Console
 
 from geom2iga.errors import CaseError
+from geom2iga.seal import check_no_folder, made_folder
 from geom2iga.temporary import remove_temporaries
 
 STYLES = ((logging.ERROR, "red"), (logging.WARNING, "yellow"))
@@ -127,7 +128,10 @@ def log_to(folder: Path, program: str) -> LogFile:
     """
     path = folder / "log.txt"
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        made_folder(folder)
+        check_no_folder(path)
+        if path.is_fifo():  # to open it would wait for a reader
+            raise CaseError(f"{path}: a pipe, no file; remove it")
         handler = LogFile(path)
     except BlockingIOError:
         raise CaseError(
@@ -152,8 +156,11 @@ def print_data(text: str) -> None:
     """Print on standard output; whoever reads it may stop early."""
     try:
         print(text, flush=True)
-    except BrokenPipeError:
+    except OSError as error:
         sys.stdout = open(os.devnull, "w")  # noqa: SIM115 - so that the interpreter's own flush at exit is quiet
+        if not isinstance(error, BrokenPipeError):
+            error.filename = "standard output"
+            raise
 
 
 def print_json(data: Mapping[str, Any]) -> None:

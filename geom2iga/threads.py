@@ -1,10 +1,14 @@
 """Threads: how many, of ours and of the libraries."""
 
+import logging
 import os
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
+from functools import cache
 
 from threadpoolctl import threadpool_limits
+
+log = logging.getLogger("geom2iga")
 
 VARIABLES = (
     "OMP_NUM_THREADS",
@@ -43,8 +47,21 @@ def threads(count: int | None) -> Iterator[None]:
 
 def thread_count() -> int:
     """How many threads to use: OMP_NUM_THREADS where it is set, else one per processor that this process may use."""
-    wanted = os.environ.get("OMP_NUM_THREADS", "")
-    return int(wanted) if wanted.isdigit() and int(wanted) > 0 else _processors()
+    return _wanted(os.environ.get("OMP_NUM_THREADS", "")) or _processors()
+
+
+@cache  # so that it is said once
+def _wanted(text: str) -> int | None:
+    """Read OMP_NUM_THREADS: of a list for nested regions the first number; None where it is empty or no number."""
+    first = text.partition(",")[0].strip()
+    if first.isdecimal() and int(first) > 0:
+        return int(first)
+    if text.strip():
+        log.warning(
+            "warning: OMP_NUM_THREADS=%s is no number of threads: %d are used",
+            *(text, _processors()),
+        )
+    return None
 
 
 def _processors() -> int:

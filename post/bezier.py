@@ -24,13 +24,10 @@ from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
 
 from geom2iga.bspline import Array, Indices, applied, extraction
 from geom2iga.files import replacing
-from geom2iga.model import Model
 from geom2iga.patch import Patch
+from post.bezier_size import FIELDS, grid_shape
 from post.projected import project_stress
 from solve.result import Result
-
-CELL = 8 + 1 + 4 + 24  # bytes of a cell: where it ends, its type, body and degrees
-FIELDS = {"points": 3, "RationalWeights": 1, "displacement": 3, "stress": 6}
 
 
 def extracted(patch: Patch, values: Array) -> tuple[Array, Array]:
@@ -65,11 +62,6 @@ def elements(patch: Patch) -> Indices:
     return first[:, None] + within[vtk_sequence(patch.degrees)]
 
 
-def grid_shape(patch: Patch) -> tuple[int, ...]:
-    """Control points of the Bézier elements of a patch in each direction."""
-    return tuple(p * (len(at) - 1) + 1 for p, at in zip(patch.degrees, patch.breaks, strict=True))
-
-
 def vtk_sequence(degrees: tuple[int, ...]) -> Indices:
     """Tell which control point of an element, the last direction fastest, VTK puts at each place: (a,)."""
     grid = np.ndindex(*(p + 1 for p in degrees))
@@ -98,16 +90,6 @@ def write_bezier(path: Path, result: Result) -> None:
         writer.SetHeaderTypeToUInt64()
         if not writer.Write():
             raise OSError(f"{path} could not be written: is the disk full?")
-
-
-def size_of_bezier(model: Model) -> int:
-    """Length of the file [bytes], but for its header: a row of doubles per point, and what a cell consists of."""
-    size = 0
-    for patch in model.patches.values():
-        cells = prod(len(at) - 1 for at in patch.breaks)
-        corners = prod(degree + 1 for degree in patch.degrees)
-        size += 8 * prod(grid_shape(patch)) * sum(FIELDS.values()) + cells * (8 * corners + CELL)
-    return size
 
 
 def bezier_grid(result: Result) -> vtkUnstructuredGrid:

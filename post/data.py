@@ -5,6 +5,7 @@ from pathlib import Path
 
 from geom2iga.progress import tracked
 from geom2iga.signals import uninterrupted
+from post.bezier_size import size_of_bezier
 from post.case import Post
 from post.collection import results_of_steps, write_collection
 from post.fields import Samples
@@ -54,9 +55,6 @@ def size_of_data(result: Result, post: Post, samples: int) -> int:
 
 
 def _size_of_bezier(result: Result, post: Post) -> int:
-    with uninterrupted():
-        from post.bezier import size_of_bezier  # imports VTK, which dies of an interruption
-
     return size_of_bezier(result.model) * (len(result.states) if post.load_steps else 1)
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 from geom2iga.errors import CaseError
 from geom2iga.progress import progress, tracked
+from geom2iga.seal import check_ours, made_folder
 from geom2iga.signals import uninterrupted
 from geom2iga.stage import log
 from geom2iga.tables import Source, checked
@@ -46,7 +47,8 @@ def export(result: Result, source: Source, folder: str | Path, stamp: str = "") 
     Raises
     ------
     CaseError
-        The case is wrong, no load step has converged, or the disk has not the room for all files.
+        The case is wrong, no load step has converged, the disk has not the room for all files, or what is not ours
+        has the name of the folder or of summary.json in it.
     UserError
         Libraries for drawing are missing.
     """
@@ -56,7 +58,8 @@ def export(result: Result, source: Source, folder: str | Path, stamp: str = "") 
         log.warning("iga-post: %s", result.diagnosis.shown)
         case = case.model_copy(update={"verify": ()})
     folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
+    made_folder(folder)
+    check_ours(folder / "summary.json")
     contacts = [contact.definition for contact in result.pairs]
     check_wanted(result.model, contacts, case)
     check_post(result.model, contacts, case.post)

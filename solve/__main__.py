@@ -11,7 +11,8 @@ from geom2iga import __main__ as geometry
 from geom2iga.build import build
 from geom2iga.errors import CaseError, NotConvergedError
 from geom2iga.files import check_stamp, read_model, read_stamp
-from geom2iga.seal import check_no_folder
+from geom2iga.limits import GIGABYTE
+from geom2iga.seal import check_ours
 from geom2iga.stage import Stage, discard, fingerprint, log, run_command
 from geom2iga.tables import Case, checked
 from solve.analysis import solve
@@ -20,7 +21,7 @@ from solve.diagnosis import Diagnosis
 from solve.files import FORMAT, VERSION, read_result, write_result
 from solve.iterative import Iterated
 from solve.linear import direct_solver
-from solve.memory import check_memory, is_iterative, needed
+from solve.memory import check_solver, is_iterative, needed
 from solve.newton import Step
 from solve.output import write_history, write_summary
 from solve.problem import prepare
@@ -53,8 +54,8 @@ def plan(case: Case) -> str:
     problem = prepare(build(case), checked(case, SolveCase).solve)
     candidates = sum(len(part.mortar.area) for part in problem.passes)
     solver = None if is_iterative(problem) else direct_solver()
-    check_memory(problem, solver)
-    way = f"{solver.name if solver else Iterated.name}, about {needed(problem, solver):.2g} GB"
+    check_solver(problem, solver)
+    way = f"{solver.name if solver else Iterated.name}, about {needed(problem, solver) / GIGABYTE:.2g} GB"
     return f"{problem.allowed.size} unknowns, {candidates} gaps that may close, {way}"
 
 
@@ -66,7 +67,7 @@ def run(case: Case, folder: Path, stamp: str) -> None:
     """
     began = time.perf_counter()
     for name in (FILE, STEPS, SUMMARY):
-        check_no_folder(folder / name)  # in its place, nothing that is solved could be written
+        check_ours(folder / name)  # in its place, nothing that is solved may be written
     model, steps = read_model(folder / geometry.FILE, geometry.stamp(case, folder)), folder / STEPS
     mark, before = _stamp_of_steps(case, folder), _steps_so_far(case, folder)
     if before and before.states:
@@ -93,6 +94,8 @@ def run(case: Case, folder: Path, stamp: str) -> None:
             log.warning('iga-solve: warning: contact of "%s" with "%s": %s', *names, warning)
     statistics = result.statistics
     way, seconds = statistics["linear_solver"], time.perf_counter() - began
+    if (share := result.state.load_factor) != 1:
+        log.info("iga-solve: the last load step carries %g of the loads", share)
     log.info("iga-solve: converged, %d unknowns, %s, %.2f s", statistics["dofs"], way, seconds)
 
 
@@ -128,9 +131,9 @@ def _steps_so_far(case: Case, folder: Path) -> Result | None:
 
 
 def _tidy(case: Case, folder: Path, options: Any) -> None:
-    """Remove the load steps of an analysis that had come to its end when it was cut off."""
-    if read_stamp(folder / STEPS, FORMAT, VERSION) == _stamp_of_steps(case, folder):
-        (folder / STEPS).unlink()
+    """Remove the load steps of an analysis that had come to its end when it was cut off, and such that are damaged."""
+    if read_stamp(folder / STEPS, FORMAT, VERSION) in (None, _stamp_of_steps(case, folder)):
+        (folder / STEPS).unlink(missing_ok=True)
 
 
 def read_shown(case: Case, folder: Path) -> Result:

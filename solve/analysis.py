@@ -23,13 +23,14 @@ from solve.elasticity import assemble_stiffness
 from solve.equilibrium import Settings, Start, find_equilibrium
 from solve.iterative import Iterated
 from solve.linear import DirectSolver, direct_solver
-from solve.memory import KEPT, check_memory, fits, is_iterative, map_numbers
+from solve.memory import KEPT, check_solver, fits, is_iterative, map_numbers
 from solve.newton import ROUNDING, SETTLED, Solution, Status, Step
 from solve.operator import Stiffness
 from solve.problem import Pass, Problem, prepare
 from solve.reactions import Forces, find_reactions
 from solve.result import ContactResult, Result, State
 from solve.rules import exact_rules
+from solve.strain import warn_of_strain
 from solve.system import System, reduced_system
 from solve.tangents import Factorised, Tangents
 
@@ -90,6 +91,8 @@ def solve(
                 with clock.phase("assembly"):
                     assembled = _assemble(problem, solver)
                 result = _follow(problem, assembled, clock, report, keep, result)
+        if result.states:
+            warn_of_strain(problem.space, result.state.displacement)
         return result
 
 
@@ -111,7 +114,7 @@ class Assembled(NamedTuple):
 def _assemble(problem: Problem, solver: DirectSolver | None) -> Assembled:
     """Assemble the reduced problem for a direct solver, or make operators of it."""
     space, materials, mortar, springs = problem.space, problem.materials, problem.mortar, problem.law.springs
-    check_memory(problem, solver)
+    check_solver(problem, solver)
     if solver:
         stiffness = assemble_stiffness(space, materials)
     else:
@@ -155,7 +158,7 @@ def _follow(
         if status is not Status.CONVERGED:
             diagnosis = diagnose(problem, system, solution, len(states) + 1)
             break
-        _warn_of_rounding(solution, settings)
+        _warn_of_rounding(system, solution, settings)
         state, forces = _state(problem, assembled, share, solution)
         states.append(state)
         inner, error = forces.inner, _unbalanced(problem, system, forces, solution.scale)
@@ -164,9 +167,10 @@ def _follow(
     return result()
 
 
-def _warn_of_rounding(solution: Solution, settings: Settings) -> None:
+def _warn_of_rounding(system: System, solution: Solution, settings: Settings) -> None:
     """Log how far from balance rounding has left a solution, where that is farther than usual."""
-    rest = solution.history[-1].residual if solution.history else 0.0
+    off = system.load - solution.inner + system.gap_operator.T @ solution.pressure
+    rest = float(np.abs(off).max(initial=0.0)) / (solution.scale or 1.0)
     if rest > max(SETTLED, settings.newton.tolerance):
         log.warning("warning: rounding leaves %.1e of the largest force out of balance: stresses are no better", rest)
 
@@ -184,12 +188,14 @@ def _state(problem: Problem, assembled: Assembled, share: float, solution: Solut
     forces = Forces(assembled.stiffness @ displacement.ravel(), share * problem.load, contact)
     ends = np.cumsum([len(part.mortar.area) for part in problem.passes])[:-1]
     pressures = np.split(solution.pressure, ends)
-    contacts = tuple(_contact_results(problem, displacement, pressures))
+    contacts = tuple(_contact_results(problem, displacement, pressures, solution.scale))
     reactions = find_reactions(problem.space, supports, problem.conditions, forces.carried)
     return State(displacement, contacts, share, reactions), forces
 
 
-def _contact_results(problem: Problem, displacement: Array, pressures: Sequence[Array]) -> Iterator[ContactResult]:
+def _contact_results(
+    problem: Problem, displacement: Array, pressures: Sequence[Array], scale: float
+) -> Iterator[ContactResult]:
     """Evaluate gap, pressure, force and moment of each pass; forces are those of all passes of its contact."""
     pairs = list(zip(problem.passes, pressures, strict=False))
     for part, pressure in pairs:
@@ -208,15 +214,16 @@ def _contact_results(problem: Problem, displacement: Array, pressures: Sequence[
             pressure > 0,
             on_points.sum(axis=0),
             np.cross(points, on_points).sum(axis=0),
-            tuple(_warnings(problem, part, pressure, displacement)),
+            tuple(_warnings(problem, part, pressure, displacement, scale)),
         )
 
 
-def _warnings(problem: Problem, part: Pass, pressure: Array, displacement: Array) -> Iterator[str]:
-    """Say what makes the pressure of a pass doubtful."""
+def _warnings(problem: Problem, part: Pass, pressure: Array, displacement: Array, scale: float) -> Iterator[str]:
+    """Say what makes the pressure of a pass doubtful; the scale is the largest force that acted."""
     before, after = point_gaps(problem.space, part.cells, displacement)
     gap = part.mortar.control_gaps(displacement)
-    yield from find_losses(part.definition, part.law, part.cells, pressure, gap, problem.size)
+    area, size = part.mortar.area, problem.size
+    yield from find_losses(part.definition, part.law, part.cells, pressure, gap, area, size, scale)
     averaged = max(0.0, -float(gap.min(initial=0.0)))
     deepest, still_open = -float(after.min(initial=0.0)), after > 0
     closing = float((before - after)[still_open].max(initial=0.0))  # how far the bodies came closer

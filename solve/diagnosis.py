@@ -20,7 +20,7 @@ UNEQUAL = 1e8  # ratio of Young's moduli from which digits are lost
 INCOMPRESSIBLE = 1e-6  # distance of Poisson's ratio from 0.5 at which digits are lost
 FAR = 1e6  # gaps above this multiple of the smallest body lose digits
 STILL = 1e-6  # motions below this fraction of the largest are none
-ROUGH = 1e-3  # largest tolerance that can be asked for
+LARGEST_TOLERANCE = 1e-3  # largest tolerance that can be asked for
 
 
 @dataclass(frozen=True)
@@ -228,7 +228,7 @@ def _extremes(failure: Failure) -> Iterator[Remark]:
 def _rounded(failure: Failure) -> Iterator[Remark]:
     """Say how far the residual came."""
     reached = failure.solution.history[-1].residual if failure.solution.history else np.inf
-    if reached < ROUGH:
+    if reached < LARGEST_TOLERANCE:
         advice = f"solve.newton.tolerance above {reached:.1e}, if that is close enough"
         yield Remark(f"the residual does not fall below {reached:.1e}", (advice,))
 

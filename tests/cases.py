@@ -23,6 +23,46 @@ from solve.tangents import Factorised
 UNIT = np.stack(np.meshgrid([0.0, 1], [0.0, 1], [0.0, 1], indexing="ij"), axis=-1)  # corners (2, 2, 2, 3)
 AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
+TWO_BLOCKS = """
+title = "two blocks"
+
+[geometry]
+degree = 1
+
+[[geometry.block]]
+name = "lower"
+size = [2.0, 2.0, 1.0]
+spans = [2, 2, 1]
+
+[[geometry.block]]
+name = "upper"
+origin = [0.5, 0.5, 1.0]
+size = [1.0, 1.0, 1.0]
+
+[[solve.material]]
+young = 1000.0
+poisson = 0.3
+
+[[solve.support]]
+on = "lower/bottom"
+ux = 0.0
+uy = 0.0
+uz = 0.0
+
+[[solve.support]]
+on = "upper/top"
+ux = 0.0
+uy = 0.0
+uz = -0.01
+
+[[solve.contact]]
+secondary = "upper/bottom"
+primary = "lower/top"
+
+[solve.newton]
+max_steps = 50
+"""
+
 
 def block_patch(
     name: str = "block",

@@ -77,13 +77,8 @@ class Built:
     knots: tuple[Array, ...] | None = None
 
 
-def convert(source: CadSource, table: CadModel, axes: Array | None = None) -> list[Built]:
-    """Turn the volumes of a CAD model into patches, body by body.
-
-    Parameters
-    ----------
-    axes : (3, 3)
-        Rows: where the three directions of the patches should point as nearly as may be; left out, along x, y and z.
+def convert(source: CadSource, table: CadModel) -> list[Built]:
+    """Turn the volumes of a CAD model into patches, body by body; these point along x, y and z as nearly as may be.
 
     Raises
     ------
@@ -108,8 +103,7 @@ def convert(source: CadSource, table: CadModel, axes: Array | None = None) -> li
             f"volume {min(lacking)} was made by gmsh's built-in kernel, which has no exact shapes: begin the script "
             'with SetFactory("OpenCASCADE"), or use route = "mesh"'
         )
-    wanted = np.eye(3) if axes is None else axes
-    return [_exact(topology, part, tags, table, wanted) for part, tags in find_bodies(source, table)]
+    return [_exact(topology, part, tags, table) for part, tags in find_bodies(source, table)]
 
 
 def find_bodies(source: CadSource, table: CadModel) -> list[tuple[PartTable, list[int]]]:
@@ -178,7 +172,7 @@ def _apart(box: Array, point: Array) -> tuple[float, float]:
     return float(np.linalg.norm(outside)), float(np.linalg.norm(point - box.mean(axis=0)))
 
 
-def _exact(topology: Topology, part: PartTable, tags: Sequence[int], table: CadModel, axes: Array) -> Built:
+def _exact(topology: Topology, part: PartTable, tags: Sequence[int], table: CadModel) -> Built:
     """Convert the volumes of one body; they share faces, those of other bodies do not."""
     own = merged(topology, {tag: topology.solids[tag] for tag in tags})
     for solid in own.solids.values():
@@ -189,7 +183,7 @@ def _exact(topology: Topology, part: PartTable, tags: Sequence[int], table: CadM
     places: dict[Face, int] = {}
     solids = zip(_names(part.name, len(tags)), own.solids.values(), strict=True)
     for name, solid in tracked(solids, "volumes", len(tags)):
-        spline, around = block_spline(own, solid, faces, axes)
+        spline, around = block_spline(own, solid, faces, np.eye(3))
         if max(spline.degrees) > table.max_degree:
             raise GeometryError(
                 f"volume {solid.tag} needs the degrees {spline.degrees}, above max_degree = "

@@ -1,5 +1,6 @@
 """CAD files through gmsh, in a process of its own; the model that is open in gmsh, as it is."""
 
+import os
 from pathlib import Path
 
 from geom2iga.cad import session as cad
@@ -8,12 +9,13 @@ from geom2iga.cad.case import Cad, CadModel
 from geom2iga.cad.conversion import CadSource, find_bodies
 from geom2iga.cad.isolated import isolated
 from geom2iga.cad.mesh_route import fit_volumes
+from geom2iga.cad.script import inputs
 from geom2iga.cad.topology import split_xao
 from geom2iga.errors import GeometryError
 from geom2iga.progress import progress
 
-PATIENCE = 120.0  # seconds that gmsh may take for a file, however short
-PER_MEGABYTE = 60.0  # seconds more, of the file
+PATIENCE = 300.0  # seconds that gmsh may take for a file, however short
+PER_MEGABYTE = 60.0  # seconds more, of the file and those that it includes
 
 
 def read_cad(path: Path, table: Cad) -> CadSource:
@@ -52,8 +54,9 @@ def read_gmsh(table: CadModel) -> CadSource:
 
 
 def _patience(path: Path) -> float:
-    """Seconds that gmsh may take for a file."""
-    return PATIENCE + PER_MEGABYTE * path.stat().st_size / 1e6
+    """Seconds that gmsh may take for a file: five minutes, and one more per megabyte of it and what it includes."""
+    size = sum(os.path.getsize(file) for file in inputs(path) if os.path.isfile(file))
+    return PATIENCE + PER_MEGABYTE * size / 1e6
 
 
 def _load(path: Path, table: Cad) -> CadSource:

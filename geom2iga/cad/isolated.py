@@ -16,11 +16,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TypeVar
 
-import psutil
-
 from geom2iga.errors import GeometryError
+from geom2iga.limits import GIGABYTE, free_memory
 
-GIGABYTE = 1e9
 HEARD = 10_000  # bytes of what the other process says that are kept, the last ones
 PAUSE = 0.02  # seconds between looks at whether it has ended
 
@@ -43,7 +41,7 @@ def isolated(
     seconds : float
         After which it is given up.
     memory : float
-        Bytes that it may take; left out, what the machine has free.
+        Bytes that it may take; left out, what is free.
 
     Raises
     ------
@@ -52,7 +50,7 @@ def isolated(
     GeometryError
         It crashed, did not end in time, or took too much memory.
     """
-    memory = float(psutil.virtual_memory().available) if memory is None else memory
+    memory = free_memory() if memory is None else memory
     with TemporaryDirectory(prefix="geom2iga-") as folder:
         call, result = Path(folder) / "call", Path(folder) / "result"
         call.write_bytes(pickle.dumps((function, arguments)))
@@ -62,6 +60,8 @@ def isolated(
         answer: Result | Exception | None = pickle.loads(result.read_bytes()) if result.exists() else None
         if isinstance(answer, MemoryError) or (not result.exists() and "bad_alloc" in said):
             raise GeometryError(f"gmsh took more than the {memory / GIGABYTE:.2g} GB of memory it may: simplify it")
+        if not result.exists() and code == 0:
+            raise GeometryError("the script ends gmsh: remove Exit")
         if not result.exists():
             raise GeometryError(f"gmsh crashed ({_cause(code)}); repair the file in the CAD program")
     if isinstance(answer, Exception):
@@ -109,7 +109,11 @@ def _heard(process: subprocess.Popen[bytes], seconds: float) -> tuple[int, str]:
 
 def _waiting(pipe: int, seconds: float) -> bytes:
     """Read what waits in a pipe, or comes within some time."""
-    return os.read(pipe, 1 << 16) if select.select([pipe], [], [], seconds)[0] else b""
+    if select.select([pipe], [], [], seconds)[0]:
+        if heard := os.read(pipe, 1 << 16):
+            return heard
+        time.sleep(seconds)  # it is closed
+    return b""
 
 
 def _cause(code: int) -> str:

@@ -156,7 +156,7 @@ def _aligned(grid: Indices, nodes: Array) -> Indices:
     """Turn a grid so that it is right-handed, its directions along x, y and z as nearly as may be."""
     along = _cell_edges(nodes[grid])
     jacobians = np.linalg.det(along)
-    if jacobians.min() <= 0 <= jacobians.max():
+    if not (jacobians.min() > 0 or jacobians.max() < 0):  # nor where they are no numbers
         raise GeometryError("its transfinite mesh is folded: split it into blocks of better shape")
     mean = along.reshape(-1, 3, 3).mean(axis=0)
     mean /= np.linalg.norm(mean, axis=1, keepdims=True)

@@ -57,7 +57,9 @@ def check_file(path: Path, trusted: bool = False) -> None:
     if path.suffix.lower() not in FORMATS:
         raise GeometryError(f'"{path}": only {", ".join(FORMATS)} files are read: save it as one of them')
     if not path.is_file():
-        raise CaseError(f'"{path}": no such file; the path is relative to the case file')
+        kind = "a folder, no file" if path.is_dir() else "a pipe or device, no file"
+        found = kind if path.exists() else "no such file"
+        raise CaseError(f'"{path}": {found}; the path is relative to the case file')
     if path.suffix.lower() == ".geo":
         if not (path.read_bytes() or b"\n").endswith(b"\n"):
             raise GeometryError(f'"{path}": its last line does not end, gmsh would leave it out: add a newline')

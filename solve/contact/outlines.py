@@ -7,6 +7,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from geom2iga.bspline import Array, Indices, Mask
+from geom2iga.errors import CaseError
 from geom2iga.patch import evaluate
 from geom2iga.projection import closest_points
 from solve.contact.charts import Image, frame_at, image_of
@@ -18,9 +19,10 @@ STRAIGHT = 1e-12  # sides that deviate less from their chord, in lengths of it, 
 BENT = 0.2  # outlines with a side that deviates more from its chord, in lengths of it, are cut
 LENS = 5e-4  # how far a chord may lie off its curve, in spans of the secondary side
 BESIDE = 0.25  # how far beyond the border of the secondary side a part of an outline is still near, in its spans
-LEVELS = 24  # how often spans are cut into 2 x 2, at most
+LEVELS = 24  # how often spans are cut, at most
 REFINED = 8  # how often those that lie opposite as a whole are: kinks of the other side never become straight
 SMALL = 0.125  # parts that reach beyond the secondary side are cut until they are that small, in its spans
+SLENDER = 1e5  # spans that are longer, in widths, would be cut into ever more parts
 KNOWN = 0.1  # least determinant of a fit, above which its points span a plane
 SQUARE = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
 
@@ -66,14 +68,15 @@ class Outlines:
 def find_outlines(secondary: Surface, primary: Surface, reach: float | None = None) -> Outlines:
     """Draw the spans of the primary side in the secondary's parameter plane.
 
-    Where a span is bent too much there, or only part of it lies opposite the secondary side, it is cut into 2 x 2, and
-    again; what nowhere lies opposite is left out. Between planes all outlines are straight and nothing is cut.
+    Where a span is bent too much there, or only part of it lies opposite the secondary side, it is cut into 2 x 2, a
+    slender one across its length alone, and again; what nowhere lies opposite is left out. Between planes all outlines
+    are straight and nothing is cut.
     """
     spans = spans_of(primary.patch)
     corners = spans.low[:, None] + SQUARE * (spans.high - spans.low)[:, None]
     if secondary.is_affine and primary.is_affine:
         at, seen = _drawn(secondary, primary, corners, spans.numbers, 1)
-        good = seen.all(axis=1)
+        good: Mask = np.asarray(seen.all(axis=1))
         return Outlines(corners[good], spans.numbers[good], at[good], np.zeros((np.count_nonzero(good), 4), dtype=bool))
     return _cut_outlines(secondary, primary, corners, spans.numbers, reach)
 
@@ -90,7 +93,7 @@ def _cut_outlines(
             break
         corners, spans, cuts = corners[near], spans[near], cuts[near]
         at, seen = _drawn(secondary, primary, corners, spans, CHORDS)
-        good = seen.all(axis=1)
+        good: Mask = np.asarray(seen.all(axis=1))
         bent, lens = _bending(at, secondary)
         fits = good & (bent <= BENT).all(axis=1)
         last = level == LEVELS
@@ -108,8 +111,9 @@ def _cut_outlines(
         if last:
             break
         again = ~final & ((good & (cuts < REFINED)) | (partly & ~small))
-        corners, spans = _quartered(corners[again]), np.repeat(spans[again], 4, axis=0)
-        cuts = np.repeat(np.where(good, cuts + 1, 0)[again], 4)
+        across = good[again, None] | _long(primary, corners[again], spans[again])
+        corners, of = _halved(corners[again], across)
+        spans, cuts = spans[again][of], np.where(good, cuts + 1, 0)[again][of]
     coarser = (n for n in range(1, CHORDS) if CHORDS % n == 0 and max(off) * (CHORDS / n) ** 2 <= LENS)
     enough = next(coarser, CHORDS)
     parts = zip(*((o.corners, o.spans, o.at[:, :: CHORDS // enough], o.curved) for o in done), strict=True)
@@ -130,12 +134,18 @@ class _Sizes:
 
     @cached_property
     def spans(self) -> tuple[cKDTree, Array]:
-        """Middles and widths (s,) of all spans."""
+        """Middles and widths (s,) of all spans; raise CaseError where one is so slender that cuts would not end."""
         spans = spans_of(self.surface.patch)
         corners = spans.low[:, None] + SQUARE * (spans.high - spans.low)[:, None]
         points = evaluate(self.surface.patch, corners.reshape(-1, 2))[0].reshape(-1, 4, 3)
         edges = np.linalg.norm(np.roll(points, -1, axis=1) - points, axis=2)
-        return cKDTree(points.mean(axis=1)), (edges[:, :2] + edges[:, 2:]).min(axis=1) / 2  # an edge may have no length
+        length = (edges[:, :2] + edges[:, 2:]) / 2  # an edge may have no length
+        if np.any(length.max(axis=1) > SLENDER * length.min(axis=1)):
+            raise CaseError(
+                f"{self.surface.name} has spans more than {SLENDER:g} times as long as wide, too slender to be cut "
+                "along a curved face or beside its border: take more spans along them or fewer across"
+            )
+        return cKDTree(points.mean(axis=1)), length.min(axis=1)
 
     def relative(self, surface: Surface, corners: Array, spans: Indices) -> Array:
         """Size (r,) of rectangles of another side, in widths of the spans next to them."""
@@ -181,11 +191,20 @@ def _holding(corners: Array, points: Array) -> Mask:
     return held
 
 
-def _quartered(corners: Array) -> Array:
-    """Cut rectangles (r, 4, 2) into 2 x 2, (4 r, 4, 2)."""
-    low, size = corners[:, 0], corners[:, 2] - corners[:, 0]
-    parts = low[:, None, None] + (SQUARE[:, None] + SQUARE) / 2 * size[:, None, None]
-    return parts.reshape(-1, 4, 2)
+def _long(surface: Surface, corners: Array, spans: Indices) -> Mask:
+    """In which directions (r, 2) rectangles (r, 4, 2) are at least half as long as in the other one."""
+    points = evaluate(surface.patch, corners.reshape(-1, 2), spans=np.repeat(spans, 4, axis=0))[0].reshape(-1, 4, 3)
+    edges = np.linalg.norm(np.roll(points, -1, axis=1) - points, axis=2)
+    length = edges[:, :2] + edges[:, 2:]
+    return np.asarray(length >= length.max(axis=1, keepdims=True) / 2)
+
+
+def _halved(corners: Array, across: Mask) -> tuple[Array, Indices]:
+    """Halve rectangles (r, 4, 2) in some directions (r, 2); return the parts, and of which rectangle each is one."""
+    low, step = corners[:, 0], (corners[:, 2] - corners[:, 0]) / (1 + across)
+    parts = low[:, None, None] + (SQUARE[:, None] + SQUARE) * step[:, None, None]
+    real = np.all(across[:, None] >= SQUARE, axis=2)  # (r, 4)
+    return parts[real], np.nonzero(real)[0]
 
 
 def _drawn(secondary: Surface, primary: Surface, corners: Array, spans: Indices, chords: int) -> tuple[Array, Mask]:

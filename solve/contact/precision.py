@@ -10,35 +10,47 @@ from solve.case import Contact
 from solve.contact.cells import Cells
 from solve.contact.laws import Law
 
-LOST = 1e-6  # of the largest pressure: what rounding may take of it without a word
+LOST = 1e-4  # of the largest pressure: what rounding may take of it without a word
 LEFT = 1e-3  # of what the bodies yield: overlap that a multiplier may leave without a word
+NOTHING = 1e-12  # of the largest force: forces below it are none
 FAR = 100.0  # sizes from the origin from which on the place of the bodies is what costs digits
 
 
 def find_losses(
-    contact: Contact, law: Law, cells: Sequence[Cells], pressure: Array, gap: Array, size: float
+    contact: Contact,
+    law: Law,
+    cells: Sequence[Cells],
+    pressure: Array,
+    gap: Array,
+    area: Array,
+    size: float,
+    force: float,
 ) -> Iterator[str]:
     """Say what rounding, or a multiplier that is not updated to the end, has taken from a pressure.
 
-    A gap that is off by r makes a pressure of r E/h: the bodies resist so. It is compared with the largest pressure.
+    A gap that is off by r makes a pressure of r E/h: the bodies resist so. It is compared with the largest pressure, or
+    where nothing presses with the largest force.
 
     Parameters
     ----------
-    pressure : (m,)
-    gap : (m,)
-        Averaged gaps of the same state [length].
+    pressure, gap, area : (m,)
+        Averaged gaps of the same state [length], and the areas that they are averaged over.
     size : float
         Of the smallest body [length].
+    force : float
+        The largest that acted on the way to this state.
     """
     largest, resistance = float(pressure.max(initial=0.0)), float(np.max(law.bodies, initial=0.0))
-    rounding = max(part.rounding for part in cells)
-    if largest > 0 and rounding * resistance > LOST * largest:
+    rounding, hidden = (max(getattr(part, name) for part in cells) for name in ("rounding", "hidden"))
+    if area @ pressure <= NOTHING * force:
+        least = max(ROUNDED * size, LOST * float(np.abs(gap).max(initial=0.0)))
+        if hidden > least and hidden * resistance * area.sum() > LOST * force:
+            yield f"gaps of up to {hidden:.1g} are taken as none: {_remedy(rounding, size)}"
+        return
+    if rounding * resistance > LOST * largest:
         share = rounding * resistance / largest
         known = f"pressures to {share:.0e} of the largest" if share < 1 else "no digit of the pressures is right"
         yield f"gaps are known to {rounding:.1g} only, and {known}: {_remedy(rounding, size)}"
-    hidden = max(part.hidden for part in cells)
-    if largest == 0 and hidden > LOST * np.abs(gap).max(initial=0.0):
-        yield f"gaps of up to {hidden:.1g} are taken as none: {_remedy(rounding, size)}"
     left = max(0.0, -float(gap.min(initial=0.0)))
     if contact.enforcement == "augmented-lagrange" and left * resistance > LEFT * largest:
         yield (

@@ -234,6 +234,14 @@ def test_breaks_that_do_not_increase_from_0_to_1_are_refused(kind, at):
     )
 
 
+@pytest.mark.parametrize("key", ["breaks", "knots"])
+def test_spans_that_are_next_to_nothing_are_refused(key):
+    at = [0.0, 1e-143, 1.0] if key == "breaks" else [0.0, 0.0, 1e-143, 1.0, 1.0]
+    unit = [0.0, 1.0] if key == "breaks" else [0.0, 0.0, 1.0, 1.0]
+    where = f"geometry.block[0].{key}[0]" if key == "knots" else "breaks[0]"
+    assert_refused(case_of("block", **{key: [at, unit, unit]}), where, "nearer than 1e-09 of the whole")
+
+
 @pytest.mark.parametrize("ways", [("spans", "span_size"), ("span_size", "breaks"), ("spans", "span_size", "knots")])
 def test_a_mesh_is_given_in_one_way_only(ways):
     values = {"spans": 2, "span_size": 0.5, "breaks": [[0, 1]] * 3, "knots": [[0, 0, 1, 1]] * 3}

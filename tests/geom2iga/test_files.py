@@ -141,6 +141,15 @@ def refused(path):
     return read_stamp(path, FORMAT, VERSION) is None
 
 
+def foreign(path):
+    """Insist that a file that we never wrote is not made anew in its place either."""
+    with pytest.raises(CaseError, match=f"{path.name}.*; make it anew"):
+        read_model(path)
+    with pytest.raises(CaseError, match=f"{path.name}: not written by this program, .*; move it away"):
+        read_stamp(path, FORMAT, VERSION)
+    return path.exists()
+
+
 def test_a_file_cut_off_anywhere_is_refused(whole):
     content = whole.read_bytes()
     for length in [*range(0, len(content), len(content) // 50), len(content) - 1]:
@@ -148,8 +157,15 @@ def test_a_file_cut_off_anywhere_is_refused(whole):
         assert refused(whole)
 
 
-@pytest.mark.parametrize("content", [b"", b"hello\n", b"\x89HDF\r\n\x1a\n", bytes(10_000), bytes(range(256)) * 40])
+@pytest.mark.parametrize("content", [b"hello\n", b"\x89HDF\r\n\x1a\n", bytes(range(256)) * 40])
 def test_a_file_of_another_kind_is_refused(tmp_path, content):
+    path = tmp_path / "geometry.h5"
+    path.write_bytes(content)
+    assert foreign(path)
+
+
+@pytest.mark.parametrize("content", [b"", bytes(10_000)])
+def test_a_file_that_holds_nothing_is_refused(tmp_path, content):
     path = tmp_path / "geometry.h5"
     path.write_bytes(content)
     assert refused(path)
@@ -172,7 +188,7 @@ def test_a_folder_is_no_file_and_none_can_be_made_in_its_place(tmp_path):
         (lambda path: path.write_bytes(path.read_bytes() + b"\0"), "damaged"),
         (lambda path: path.write_bytes(b""), "empty"),
         (lambda path: path.write_bytes(b"\0" * 10_000), 'no "geom2iga geometry" file, or damaged at its beginning'),
-        (lambda path: path.write_bytes(b"solid cube\n"), 'no "geom2iga geometry" file, or damaged at its beginning'),
+        (lambda path: path.write_bytes(b"geom2iga cube\n"), 'no "geom2iga geometry" file, or damaged at its beginning'),
     ],
 )
 def test_what_became_of_a_file_is_said(whole, change, said):
@@ -264,7 +280,7 @@ def test_somebody_elses_hdf5_file_is_refused(tmp_path):
     path = tmp_path / "other.h5"
     with h5py.File(path, "w") as file:
         file["temperature"] = np.arange(3)
-    assert refused(path)
+    assert foreign(path)
 
 
 @pytest.mark.parametrize(

@@ -104,6 +104,7 @@ def run_interrupted(folder, module, *command):
     [
         ("h5py", ["-m", "geom2iga"]),
         ("scipy", ["-m", "post.pipeline"]),
+        ("h5py", ["-Bm", "solve"]),
         ("numpy", ["-c", SCRIPT.format(name="/usr/bin/iga-solve", module="solve.__main__")]),
         ("pydantic", ["-c", SCRIPT.format(name="iga-post", module="post.__main__")]),
     ],
@@ -116,6 +117,15 @@ def test_ctrl_c_while_a_command_imports_its_libraries_is_no_traceback(tmp_path, 
 def test_programs_that_import_us_keep_their_own_ctrl_c(tmp_path):
     program = "try:\n    import geom2iga\nexcept KeyboardInterrupt:\n    print('noticed')"
     assert run_interrupted(tmp_path, "h5py", "-c", program).stdout == "noticed\n"
+
+
+@pytest.mark.parametrize("arguments", [[], ["-m", "geom2iga"]])
+def test_packages_that_import_us_keep_their_own_ctrl_c(tmp_path, arguments):
+    (tmp_path / "anytool").mkdir()
+    program = "try:\n    import geom2iga\nexcept KeyboardInterrupt:\n    print('noticed')\n"
+    (tmp_path / "anytool" / "__init__.py").write_text(program)
+    (tmp_path / "anytool" / "__main__.py").write_text("")
+    assert run_interrupted(tmp_path, "h5py", "-m", "anytool", *arguments).stdout == "noticed\n"
 
 
 def test_all_commands_are_known():

@@ -8,6 +8,7 @@ from scipy.interpolate import BSpline, NdBSpline
 
 from geom2iga import model
 from geom2iga.bspline import greville
+from geom2iga.errors import GeometryError
 from geom2iga.patch import evaluate
 from geom2iga.spline import Spline, adaptation, adapted, interpolated, points_of, product, restricted, united
 from tests.strategies import SEEDS, open_knot_vectors, patches
@@ -235,3 +236,9 @@ def test_a_map_with_a_weight_that_is_not_positive_is_no_patch(weight):
     coefficients[1, 3] = weight
     with pytest.raises(ValueError, match=rf'patch "lid": weights must be positive, found {weight:g}'):
         Spline((1,), (np.array([0.0, 0, 1, 1]),), coefficients).patch("lid")
+
+
+@pytest.mark.parametrize("ends", [(0.5, 0.5), (0.7, 0.3)])
+def test_no_piece_of_a_spline_can_be_cut_out_where_nothing_lies(ends):
+    with pytest.raises(GeometryError, match="where nothing lies: draw it anew"):
+        restricted(2, np.array([0.0, 0, 0, 0.5, 1, 1, 1]), np.zeros((4, 1)), *ends)

@@ -309,7 +309,7 @@ def test_an_output_folder_that_is_a_file_ends_with_two_and_advice(case, tmp_path
     (tmp_path / "taken").write_text("")
     assert main([str(case), "-o", str(tmp_path / "taken")]) == 2
     err = capsys.readouterr().err
-    assert "taken" in err
+    assert "taken: a file, not a folder" in err
     assert "-o" in err
 
 
@@ -395,3 +395,61 @@ def test_a_failing_command_ends_its_process_with_the_code(case):
     assert ended.returncode == 3
     assert ended.stdout == ""
     assert "Traceback" not in ended.stderr
+
+
+@pytest.mark.parametrize("name", ["summary.json", "geometry.h5"])
+@pytest.mark.parametrize("flags", [(), ("--force",)])
+@pytest.mark.parametrize("text", ['{"mine": 1}', "mine", "[" * 10_000])
+def test_a_file_of_somebody_else_that_has_the_name_of_ours_is_refused_and_stays(case, capsys, name, flags, text):
+    folder = case.parent / "cube.out"
+    folder.mkdir()
+    (folder / name).write_text(text)
+    assert main(["-q", str(case), *flags]) == 2
+    assert f"{folder / name}: not written by this program" in capsys.readouterr().err
+    assert (folder / name).read_text() == text
+
+
+def test_pictures_and_exports_go_with_the_geometry_that_they_show_and_others_stay(case):
+    folder = case.parent / "cube.out"
+    folder.mkdir()
+    (folder / "geometry.mesh").write_text("mine")
+    assert main(["-q", str(case)]) == 0
+    assert (folder / "geometry.mesh").read_text() == "mine"
+    assert main(["-q", str(case), "--export", "mfem"]) == 0
+    assert (folder / "geometry.mesh").read_text() != "mine"
+    edit(case, "degree = 2", "degree = 3")
+    assert main(["-q", str(case)]) == 0
+    assert not (folder / "geometry.mesh").exists()
+
+
+def test_an_empty_name_is_not_the_current_folder(case, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    for flag in ("-o", "--new"):
+        with pytest.raises(SystemExit) as end:
+            main([str(case), flag, ""])
+        assert end.value.code == 2
+        assert "empty, name a folder" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == [case]
+
+
+def test_a_link_that_leads_nowhere_is_no_output_folder(case, capsys):
+    (case.parent / "away").symlink_to("nowhere")
+    assert main([str(case), "-o", str(case.parent / "away")]) == 2
+    assert "away: a link that leads nowhere" in capsys.readouterr().err
+    assert not (case.parent / "nowhere").exists()
+
+
+def test_the_plan_is_data_where_json_is_asked_for(case, capsys):
+    assert run_fake(case, "-n", "--json", plan=lambda _: "two\nlines") == 0
+    out, err = capsys.readouterr()
+    assert json.loads(out) == {"fake": "two\nlines"}
+    assert "two" in err
+
+
+@pytest.mark.parametrize("flags", [("cube.toml", "--json"), ("--schema",), ("--print-completion", "bash")])
+def test_standard_output_on_a_full_disk_is_a_sentence(case, flags):
+    command = f'"{sys.executable}" -m geom2iga -q {" ".join(flags)} >/dev/full'
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    ended = subprocess.run(["bash", "-c", command], cwd=case.parent, env=environment, capture_output=True, text=True)
+    assert ended.returncode == 2
+    assert ended.stderr == "standard output: no space left on device; no file was half written\n"

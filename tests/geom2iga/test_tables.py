@@ -40,7 +40,7 @@ def solve_case(**keys):
         (b"", None),
         (b"\xef\xbb\xbftitle = 'x'\r\n", None),
         (b"title = 'x'\rpost = {}", "not a TOML file"),
-        (b"\xff\xfet\x00", "not a TOML file"),
+        (b"\xff\xfet\x00", "not a TOML file: it is not text in UTF-8 (byte 0)"),
         (b"\0" * 100, "not a TOML file"),
         (b"title = 'x'\ntitle = 'x'", "not a TOML file"),
         (b"title = " + b"9" * 5000, "thousands of digits"),

@@ -105,3 +105,15 @@ def test_standard_error_on_a_full_disk_does_not_end_a_run():
 def test_whoever_reads_standard_error_may_stop_early():
     ended = run_talking('"$PYTHON" -c "$TALKING" 2>&1 | (read -r line; echo "$line"); exit ${PIPESTATUS[0]}')
     assert (ended.returncode, ended.stdout, ended.stderr) == (0, "line 0\n", "")
+
+
+def test_a_pipe_or_folder_in_the_place_of_the_log_is_named_and_not_waited_for(tmp_path, capsys):
+    path = tmp_path / "case.out" / "log.txt"
+    path.parent.mkdir()
+    os.mkfifo(path)
+    assert run_fake(tmp_path) == 2
+    assert f"{path}: a pipe, no file; remove it" in capsys.readouterr().err
+    path.unlink()
+    path.mkdir()
+    assert run_fake(tmp_path) == 2
+    assert f"{path}: a folder, expected a file" in capsys.readouterr().err

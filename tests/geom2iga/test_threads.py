@@ -1,7 +1,11 @@
+import os
+
 import numpy as np
+import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from geom2iga.threads import one_blas_thread
+from geom2iga import threads
+from geom2iga.threads import one_blas_thread, thread_count
 
 
 def blas_threads():
@@ -25,3 +29,21 @@ def test_other_libraries_keep_their_threads():
         others = [library for library in threadpool_info() if library["internal_api"] != "openblas"]
         with one_blas_thread():
             assert [library for library in threadpool_info() if library["internal_api"] != "openblas"] == others
+
+
+@pytest.mark.parametrize(("text", "wanted"), [("3", 3), ("2,3", 2), (" 4 , 1", 4), ("", None), (" ", None)])
+def test_the_first_number_of_the_variable_counts(monkeypatch, caplog, text, wanted):
+    monkeypatch.setenv("OMP_NUM_THREADS", text)
+    assert thread_count() == (wanted or len(os.sched_getaffinity(0)))
+    assert not caplog.records
+
+
+@pytest.mark.parametrize("text", ["0", "abc", "-1", "²", "1.5"])
+def test_what_is_no_number_of_threads_is_told_once(monkeypatch, caplog, text):
+    threads._wanted.cache_clear()
+    monkeypatch.setenv("OMP_NUM_THREADS", text)
+    for _ in range(2):
+        assert thread_count() == len(os.sched_getaffinity(0))
+    assert [record.getMessage() for record in caplog.records] == [
+        f"warning: OMP_NUM_THREADS={text} is no number of threads: {thread_count()} are used"
+    ]

@@ -74,3 +74,13 @@ def test_all_pictures_share_the_samples_of_faces_and_contacts(bent):
     assert samples.face(face) is samples.face(face)
     assert samples.secondary is samples.secondary
     assert samples.secondary[0] is samples.contacts[bent.contacts[0]][0]
+
+
+def test_a_file_in_the_place_of_the_folder_or_of_its_summary_is_refused(bent, bent_case, tmp_path):
+    (tmp_path / "a_file").write_text("mine")
+    (tmp_path / "summary.json").write_text("mine")
+    with pytest.raises(CaseError, match="a_file: a file, not a folder"):
+        export(bent, bent_case, tmp_path / "a_file")
+    with pytest.raises(CaseError, match=r"summary\.json: not written by this program"):
+        export(bent, bent_case, tmp_path)
+    assert {path.read_text() for path in tmp_path.iterdir()} == {"mine"}

@@ -15,6 +15,7 @@ from tests.robustness.cad_parts import FILES, lay_out
 from tests.robustness.mutation import Mutant
 from tests.robustness.streams import written_to
 
+PATIENCE = "40"  # seconds: a mutant may be a large case, and right
 LONGEST = 1500  # characters of a message
 ENDINGS = {  # what a whole file ends with
     ".vtu": b"</VTKFile>",
@@ -58,7 +59,7 @@ def _run(folder: Path, flags: tuple[str, ...]) -> tuple[str, int]:
         tempfile.tempdir = str(folder / "temporary")
         try:
             with written_to(said.fileno()):
-                code = main([*flags, "case.toml"])
+                code = main([*flags, "--max-time", PATIENCE, "case.toml"])
         finally:
             os.chdir(here)
             tempfile.tempdir = before

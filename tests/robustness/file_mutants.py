@@ -60,6 +60,7 @@ pictures = false
 report = false
 """
 OTHER = CASE.replace("size = [1, 1, 1]", "size = [1, 1, 2]")
+UNKNOWN = ("cut off", "nested", "nonsense", "swapped", "text")  # may leave nothing by which a file of ours is known
 SECONDS = 60  # a mutant that takes longer hangs
 READ, LEFT = ("geometry.h5", "solution.h5", "steps.h5", "summary.json"), ("bodies.vtu", "history.csv")
 COMMANDS = {"geom2iga": geometry.main, "iga-solve": solution.main, "iga-post": post.main, "iga-run": pipeline.main}
@@ -96,7 +97,7 @@ class Mutant:
         needed = {"geom2iga": 0, "iga-solve": 1, "iga-post": 2, "iga-run": 0}[self.command]
         if self.target in READ[:needed] or (self.target == "steps.h5" and self.command == "iga-post"):
             return (2,)
-        return (0, 2) if self.damage == "folder" else (0,)
+        return (0, 2) if self.damage == "folder" or (self.target in READ and self.damage in UNKNOWN) else (0,)
 
 
 def finish(folder: Path) -> Finished:
@@ -228,6 +229,7 @@ def drawn(number: int) -> tuple[Mutant, np.random.Generator]:
     kinds = {*BYTES, *FILES, "swapped", "of another case"}
     kinds -= set(JSON_ONLY if target.endswith(".h5") else HDF5_ONLY)
     kinds -= set(JSON_ONLY if target in LEFT else ())
+    kinds -= {"of another case"} if target == "steps.h5" else set()  # the other one ran to its end
     damage = str(random.choice(sorted(kinds)))
     command = str(random.choice(["reading", *COMMANDS]))
     if damage == "unfit" and target != "steps.h5":
@@ -249,7 +251,7 @@ def damage(mutant: Mutant, random: np.random.Generator, finished: Finished, fold
         FILES[mutant.damage](random, path)
     else:
         places = [finished.other / "case.out" / mutant.target]
-        if mutant.damage == "swapped" or not places[0].exists():
+        if mutant.damage == "swapped":
             places = [entry for entry in sorted((finished.whole / "case.out").iterdir()) if entry.name != mutant.target]
             places += [finished.begun / "case.out/steps.h5"] if mutant.target != "steps.h5" else []
         shutil.copy(places[int(random.integers(len(places)))], path)

@@ -12,7 +12,7 @@ def finished(tmp_path_factory):
     return finish(tmp_path_factory.mktemp("finished"))
 
 
-@pytest.mark.parametrize("number", range(30))
+@pytest.mark.parametrize("number", [*range(12), *(pytest.param(n, marks=pytest.mark.slow) for n in range(12, 30))])
 def test_a_damaged_file_is_refused_or_made_anew(finished, tmp_path, number):
     mutant, _, wrong = fault(number, finished, tmp_path / "mutant")
     assert not wrong, f"{mutant}: {wrong}"

@@ -20,7 +20,7 @@ def whole():
         yield cut
 
 
-@pytest.mark.parametrize("name", ["kill at a file", "full disk at a file"])
+@pytest.mark.parametrize("name", ["kill at a file", pytest.param("full disk at a file", marks=pytest.mark.slow)])
 def test_a_run_that_was_cut_off_is_taken_up_again(quick, name):
     _, wrong = quick.attempt(KINDS[name], 1)
     assert not wrong

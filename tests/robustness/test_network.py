@@ -1,9 +1,10 @@
 import os
 import subprocess
 import sys
-from pathlib import Path
 
-ROOT = Path(__file__).parents[2]
+import pytest
+
+from tests.robustness.runs import ROOT, write_case
 
 WATCHER = """
 import sys
@@ -35,7 +36,15 @@ def test_a_use_of_the_network_would_be_noticed(tmp_path):
     assert "127.0.0.1" in noted
 
 
+def assert_without_network(case, folder):
+    assert run_watched(folder, "-m", "post.pipeline", str(case), "-q", "-o", str(folder / "out")) == (0, "")
+    assert (folder / "out/report.html").exists()
+
+
 def test_from_a_cad_file_to_the_report_nothing_uses_the_network(tmp_path):
-    case = ROOT / "examples/cad_patch_test/case.toml"
-    assert run_watched(tmp_path, "-m", "post.pipeline", str(case), "-q", "-o", str(tmp_path / "out")) == (0, "")
-    assert (tmp_path / "out/report.html").exists()
+    assert_without_network(write_case(tmp_path, "pictures = false\n"), tmp_path)
+
+
+@pytest.mark.slow
+def test_from_a_cad_file_to_the_pictures_nothing_uses_the_network(tmp_path):
+    assert_without_network(ROOT / "examples/cad_patch_test/case.toml", tmp_path)

@@ -10,55 +10,17 @@ import pytest
 
 import solve.__main__
 from geom2iga.__main__ import main as geom2iga
+from geom2iga.seal import digest_of
 from solve.__main__ import FILE, STEPS, main
 from solve.files import read_result, write_result
-
-CASE = """
-title = "two blocks"
-
-[geometry]
-degree = 1
-
-[[geometry.block]]
-name = "lower"
-size = [2.0, 2.0, 1.0]
-spans = [2, 2, 1]
-
-[[geometry.block]]
-name = "upper"
-origin = [0.5, 0.5, 1.0]
-size = [1.0, 1.0, 1.0]
-
-[[solve.material]]
-young = 1000.0
-poisson = 0.3
-
-[[solve.support]]
-on = "lower/bottom"
-ux = 0.0
-uy = 0.0
-uz = 0.0
-
-[[solve.support]]
-on = "upper/top"
-ux = 0.0
-uy = 0.0
-uz = -0.01
-
-[[solve.contact]]
-secondary = "upper/bottom"
-primary = "lower/top"
-
-[solve.newton]
-max_steps = 50
-"""
+from tests.cases import TWO_BLOCKS
 
 
 @pytest.fixture
 def case(tmp_path):
     """A case file whose geometry has been made."""
     path = tmp_path / "case.toml"
-    path.write_text(CASE)
+    path.write_text(TWO_BLOCKS)
     assert geom2iga(["-q", str(path)]) == 0
     return path
 
@@ -130,7 +92,7 @@ def test_a_dry_run_checks_and_writes_nothing(case, capsys):
 
 def test_without_geometry_it_says_what_to_run_first(tmp_path, capsys):
     path = tmp_path / "case.toml"
-    path.write_text(CASE)
+    path.write_text(TWO_BLOCKS)
     assert main([str(path)]) == 2
     message = capsys.readouterr().err
     assert "geometry.h5" in message
@@ -295,6 +257,7 @@ def test_load_steps_before_an_interruption_are_kept_and_gone_on_from(stepped, ca
     assert {step.load_step for step in result.history} == {1, 2, 3}
     np.testing.assert_array_equal(result.state.displacement, whole.state.displacement)
     assert result.statistics["equilibrium_error"] == whole.statistics["equilibrium_error"]
+    assert digest_of(result.statistics) == digest_of(whole.statistics)
     assert sorted(path.name for path in output(stepped).iterdir()) == ["geometry.h5", "log.txt", FILE]
 
 
@@ -310,6 +273,16 @@ def test_load_steps_that_a_run_cut_off_at_its_end_left_behind_go_with_the_next(s
     assert (output(stepped) / STEPS).exists()
     assert main(["-q", str(stepped)]) == 0
     assert sorted(path.name for path in output(stepped).iterdir()) == ["geometry.h5", "log.txt", FILE]
+
+
+def test_damaged_load_steps_beside_a_solution_are_told_of_once(stepped, capsys):
+    assert main(["-q", str(stepped)]) == 0
+    (output(stepped) / STEPS).write_bytes((output(stepped) / FILE).read_bytes()[:-1])
+    assert main([str(stepped)]) == 0
+    assert f"{STEPS}: damaged" in capsys.readouterr().err
+    assert main([str(stepped)]) == 0
+    assert STEPS not in capsys.readouterr().err
+    assert not (output(stepped) / STEPS).exists()
 
 
 def test_a_changed_case_does_not_go_on_from_load_steps_of_another(stepped, capsys, monkeypatch):
@@ -338,6 +311,22 @@ def test_a_load_step_that_does_not_converge_is_named_and_those_before_are_kept(s
     assert "max_steps" in message
     assert [state.load_factor for state in read_result(output(stepped) / STEPS).states] == [0.0]
     assert not (output(stepped) / FILE).exists()
+
+
+def test_a_last_load_step_that_carries_a_share_of_the_loads_is_told(stepped, capsys):
+    assert main([str(stepped)]) == 0
+    assert "of the loads" not in capsys.readouterr().err
+    edit(stepped, "factors = [0.25, 0.5, 1.0]", "factors = [0.25, 0.5]")
+    assert main([str(stepped)]) == 0
+    assert "iga-solve: the last load step carries 0.5 of the loads" in capsys.readouterr().err
+
+
+def test_the_summary_of_what_did_not_converge_is_on_standard_output(stepped, capsys):
+    unfinished(stepped)
+    assert main(["--json", str(stepped)]) == 4
+    out = capsys.readouterr().out
+    assert json.loads(out) == json.loads((output(stepped) / "summary.json").read_text())
+    assert json.loads(out)["diagnosis"]["load_step"] == 2
 
 
 def test_one_load_step_leaves_no_file_of_steps(case):

@@ -1,3 +1,4 @@
+import os
 import re
 import signal
 
@@ -99,6 +100,7 @@ def test_a_file_is_looked_for_beside_its_case(tmp_path, monkeypatch):
         ("text.step", "hello\n", "save it anew"),
         ("empty.stp", "", "save it anew"),
         ("text.brep", "hello\n", "save it anew"),
+        ("exit.geo", "Exit;\n", "the script ends gmsh: remove Exit"),
         ("text.xao", "hello\n", "save it anew"),
         ("box.msh", "", r"only .*\.step.*save it as one of them"),
         ("box", "", r"only .*\.step.*save it as one of them"),
@@ -116,6 +118,14 @@ def test_a_file_that_cannot_be_read_is_named_with_advice(tmp_path, capfd, name, 
 def test_a_missing_file_is_a_wrong_case(tmp_path):
     for name in ("missing.step", "missing.geo"):
         with pytest.raises(CaseError, match=rf"{name}.*no such file"):
+            build(cad_case(tmp_path / name, name="punch"))
+
+
+def test_what_is_no_file_is_told_what_it_is(tmp_path):
+    (tmp_path / "folder.step").mkdir()
+    os.mkfifo(tmp_path / "pipe.geo")
+    for name, found in (("folder.step", "a folder, no file"), ("pipe.geo", "a pipe or device, no file")):
+        with pytest.raises(CaseError, match=rf'{name}": {found}'):
             build(cad_case(tmp_path / name, name="punch"))
 
 

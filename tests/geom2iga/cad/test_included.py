@@ -24,7 +24,8 @@ def test_a_script_that_includes_many_that_include_each_other_is_looked_at_once(t
     for number in range(40):
         text = "".join(f'Include "part{other}.geo";\n' for other in range(40))
         (tmp_path / f"part{number}.geo").write_text(text)
-    check_script(tmp_path / "part0.geo")
+    with pytest.raises(GeometryError, match=r'part\d+\.geo": it includes itself'):
+        check_script(tmp_path / "part0.geo")
     assert len(with_included(tmp_path / "part0.geo")) == 40
 
 
@@ -33,6 +34,36 @@ def test_a_chain_of_included_scripts_may_be_as_long_as_it_likes(tmp_path):
         (tmp_path / f"part{number}.geo").write_text(f'Include "part{number + 1}.geo";\n')
     with pytest.raises(GeometryError, match=r"part1200\.geo.*not there"):
         check_script(tmp_path / "part0.geo")
+
+
+@pytest.mark.parametrize("text", ['Include "box.geo";\n', 'Merge "part.txt";\n'])
+def test_a_script_that_includes_itself_is_told_so(tmp_path, text):
+    (tmp_path / "box.geo").write_text(text)
+    (tmp_path / "part.txt").write_text('Include "./box.geo";\n')
+    with pytest.raises(GeometryError, match="includes itself"):
+        check_script(tmp_path / "box.geo")
+
+
+@pytest.mark.parametrize(
+    ("text", "looked"),
+    [
+        ('Merge "part.step";\n', False),
+        ('Include "part.step";\n', True),
+        ('Merge "part.step";\nInclude "part.step";\n', True),
+        ('Merge "part.Step";\n', True),  # which gmsh takes for a script
+        ('Merge "part.txt";\n', True),
+    ],
+)
+def test_models_are_inputs_that_are_not_looked_at_scripts_are_whatever_their_names(tmp_path, text, looked):
+    (tmp_path / "box.geo").write_text(text)
+    part = tmp_path / text.split('"')[1]
+    part.write_text('SystemCall "ls";\n')
+    assert with_included(tmp_path / "box.geo") == [tmp_path / "box.geo", part]
+    if looked:
+        with pytest.raises(GeometryError, match="runs a command"):
+            check_script(tmp_path / "box.geo")
+    else:
+        check_script(tmp_path / "box.geo")
 
 
 @pytest.mark.parametrize("name", ["folder", "loop", "nul\0l", "x" * 5000])

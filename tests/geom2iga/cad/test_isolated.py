@@ -9,6 +9,7 @@ from pathlib import Path
 import psutil
 import pytest
 
+from geom2iga.cad import isolated as isolation
 from geom2iga.cad import session
 from geom2iga.cad.isolated import isolated
 from geom2iga.errors import CaseError, GeometryError
@@ -29,6 +30,26 @@ def test_a_crash_of_the_other_process_becomes_a_message(number):
 def test_an_exit_of_the_other_process_becomes_a_message():
     with pytest.raises(GeometryError, match=r"crashed \(exit code 5\)"):
         isolated(os._exit, 5, seconds=60)
+
+
+def test_a_script_that_ends_gmsh_is_told_so():
+    with pytest.raises(GeometryError, match="the script ends gmsh: remove Exit"):
+        isolated(os._exit, 0, seconds=60)
+
+
+def test_one_that_says_nothing_any_more_is_waited_for_without_haste(monkeypatch):
+    looks, waiting = [], isolation._waiting
+    monkeypatch.setattr(isolation, "_waiting", lambda *given: looks.append(given) or waiting(*given))
+    begin = time.monotonic()
+    with subprocess.Popen(["sh", "-c", "exec >&- 2>&-; sleep 0.3"], stdout=subprocess.PIPE) as process:
+        assert isolation._heard(process, 60) == (0, "")
+    assert len(looks) < 5 + (time.monotonic() - begin) / isolation.PAUSE
+
+
+def test_without_a_word_about_it_memory_is_what_the_command_may_take(monkeypatch):
+    monkeypatch.setattr(isolation, "free_memory", lambda: 1e9)
+    with pytest.raises(GeometryError, match=r"more than the 1 GB of memory it may"):
+        isolated(bytearray, 20_000_000_000, seconds=60)
 
 
 def test_a_hang_of_the_other_process_becomes_a_message():

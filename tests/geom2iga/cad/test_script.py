@@ -95,10 +95,11 @@ def test_a_harmless_script_is_let_through(tmp_path, text):
     check_script(tmp_path / "box.geo")
 
 
-def test_scripts_that_include_each_other_are_looked_at_once(tmp_path):
+def test_scripts_that_include_each_other_are_looked_at_once_and_refused(tmp_path):
     for name, other in (("a", "b"), ("b", "a")):
         (tmp_path / f"{name}.geo").write_text(f'Include "{other}.geo";\n')
-    check_script(tmp_path / "a.geo")
+    with pytest.raises(GeometryError, match=r'[ab]\.geo": it includes itself'):
+        check_script(tmp_path / "a.geo")
 
 
 def test_a_script_that_includes_a_file_that_is_not_there_is_refused(tmp_path):

@@ -7,9 +7,10 @@ from scipy.spatial.transform import Rotation
 import geom2iga
 from geom2iga.bspline import open_knots
 from geom2iga.errors import CaseError
-from geom2iga.patch import Patch, evaluate
+from geom2iga.patch import Patch, elevated, evaluate, refined
 from solve.case import Contact, Load
 from solve.contact.cells import find_cells
+from solve.contact.outlines import find_outlines
 from solve.face import area_vectors, trace_matrix
 from solve.loads import assemble_loads, face_load
 from solve.space import gauss_points, number_control_points
@@ -43,6 +44,23 @@ def test_concentric_cylinders_are_covered_once_on_either_side(gap, swap):
         assert found.sum() == pytest.approx(1.5 * np.pi * radius, rel=1e-13)
     np.testing.assert_allclose(cells.gap, gap, rtol=0, atol=1e-14)
     assert cells.area.min() > 0
+
+
+def test_a_span_many_times_as_long_as_it_is_wide_is_cut_across_its_length_alone():
+    long = refined(elevated(hollow_cylinder(2.0, 3.0, 1e5, name="outer"), (2, 2, 1)), spans=2)
+    short = refined(elevated(hollow_cylinder(1.0, 2.0, 2.0, name="inner"), (2, 2, 1)), spans=2)
+    secondary, primary = sides(model_of(short, long), "inner/right", "outer/left")
+    assert len(find_outlines(secondary, primary).corners) < 200
+    cells = segments(secondary, primary)
+    assert cells.area.sum() == pytest.approx(2 * np.pi, rel=1e-12)
+
+
+@pytest.mark.parametrize("height", [1e-12, 1e-30])
+def test_spans_that_are_all_but_lines_are_refused_where_they_would_be_cut_without_end(height):
+    bodies = (hollow_cylinder(1.0, 2.0, height, name="inner"), hollow_cylinder(2.0, 3.0, 1.0, name="outer"))
+    faces = sides(model_of(*(elevated(body, (2, 2, 1)) for body in bodies)), "inner/right", "outer/left")
+    with pytest.raises(CaseError, match="more than 100000 times as long as wide"):
+        segments(*faces)
 
 
 def balance_error(model, groups, swap=False):
