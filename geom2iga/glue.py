@@ -11,6 +11,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from geom2iga.bspline import Array, Indices
+from geom2iga.errors import GeometryError
 from geom2iga.model import Face, Glued, oriented
 from geom2iga.patch import Patch, evaluate, resolution, surface
 from geom2iga.spline import Spline, adapted, united
@@ -50,12 +51,19 @@ def find_glued(patches: Sequence[Patch]) -> tuple[Glued, ...]:
     -------
     tuple of Glued
         Each face once at most, in the sequence of the patches.
+
+    Raises
+    ------
+    GeometryError
+        Several patches, one so thin that its opposite faces could be one.
     """
     faces = all_faces(patches)
     by_name = {patch.name: patch for patch in patches}
     surfaces = [surface(by_name[face.patch], face) for face in faces]
     corners = np.array([s.control_points[np.ix_([0, -1], [0, -1])].reshape(4, 3) for s in surfaces])
     reach = MEETS * float(np.ptp(corners.reshape(-1, 3), axis=0).max()) + resolution(corners)
+    if _is_thin(patches, reach):
+        return ()
     numbers = clusters(corners.reshape(-1, 3), reach).reshape(-1, 4)
     alike = defaultdict(list)
     for number, around in enumerate(numbers):
@@ -70,6 +78,20 @@ def find_glued(patches: Sequence[Patch]) -> tuple[Glued, ...]:
             used |= {one, other}
             glued.append(Glued(faces[one], faces[other], orientation))
     return tuple(glued)
+
+
+def _is_thin(patches: Sequence[Patch], reach: float) -> bool:
+    """Whether opposite faces of a patch lie as near as faces that are one; raise GeometryError for one of several."""
+    for patch in patches:
+        thickness = min(float(np.ptp(patch.control_points, axis=axis).max()) for axis in range(3))
+        if thickness <= reach and len(patches) > 1:
+            raise GeometryError(
+                f'patch "{patch.name}" is {thickness:.3g} thick, less than {MEETS:g} of its body: which faces touch '
+                "cannot be told; make it thicker, or the body smaller"
+            )
+        if thickness <= reach:
+            return True
+    return False
 
 
 def clusters(points: Array, reach: float) -> Indices:

@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from geom2iga.errors import GeometryError
 from geom2iga.glue import MEETS, Edge, conformed, find_glued, normalised, parallel_edges
 from geom2iga.model import Face, Glued, Model
 from geom2iga.patch import Patch, elevated, evaluate, refined, surface
@@ -240,3 +241,14 @@ def test_a_common_factor_of_all_weights_of_a_patch_does_not_part_it_from_its_nei
     patches = lower, replace(upper, weights=3 * upper.weights)
     glued = find_glued(patches)
     Model({p.name: p for p in conformed(patches, glued)}, {"both": ("lower", "upper")}, {}, glued)
+
+
+@pytest.mark.parametrize("thickness", [1e-12, 1e-9, 1e-7, 1e-3])
+def test_a_thin_plate_is_not_glued_to_itself(thickness):
+    assert find_glued([block_patch(size=(1, thickness, 1))]) == ()
+
+
+def test_thin_patches_of_a_body_of_several_are_refused_since_nobody_knows_which_faces_touch():
+    plates = [block_patch(f"plate {n}", (0, n * 1e-8, 0), (1, 1e-8, 1)) for n in range(3)]
+    with pytest.raises(GeometryError, match='"plate 0" is 1e-08 thick'):
+        find_glued(plates)
