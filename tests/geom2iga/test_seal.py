@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import geom2iga
 from geom2iga.errors import CaseError
 from geom2iga.files import read_model, read_stamp, write_model
 from geom2iga.seal import digest_of, listed, read_sealed
@@ -20,7 +21,7 @@ from solve.files import read_result
 from tests.cases import block_patch, model_of
 from tests.sealed import altered, reseal
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(geom2iga.__file__).parents[1]  # where it is installed
 VALUES = st.recursive(st.none() | st.booleans() | st.floats() | st.integers() | st.text(), st.lists, max_leaves=5)
 
 

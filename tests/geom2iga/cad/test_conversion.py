@@ -10,7 +10,7 @@ from geom2iga.build import build_from_gmsh
 from geom2iga.cad.case import CadModel
 from geom2iga.cad.conversion import convert
 from geom2iga.cad.hexahedra import distances
-from geom2iga.cad.importing import read_gmsh
+from geom2iga.cad.importing import PATIENCE, read_gmsh
 from geom2iga.errors import GeometryError
 from geom2iga.patch import evaluate, surface
 from tests.geom2iga.cad.models import MODELS
@@ -117,7 +117,7 @@ def test_what_cannot_be_converted_is_named_with_the_remedy_and_soon(gmsh_session
     begin = time.perf_counter()
     with pytest.raises(GeometryError) as error:
         build_known(known, tmp_path)
-    assert time.perf_counter() - begin < 5
+    assert time.perf_counter() - begin < PATIENCE / 5  # a machine may be busy, but gmsh was not waited for
     assert error.value.exit_code == 3
     assert re.search(known.message, str(error.value)), str(error.value)
     assert not (tmp_path / "ran").exists()

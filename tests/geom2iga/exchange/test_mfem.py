@@ -1,4 +1,5 @@
 from dataclasses import replace
+from importlib.metadata import version
 
 import numpy as np
 import pytest
@@ -72,6 +73,8 @@ def in_spans(patch: Patch, points):
 
 @pytest.mark.parametrize("name", MODELS)
 def test_mfem_places_every_point_where_we_do(name, seen):
+    if version("mfem").startswith("4.7"):
+        pytest.skip("MFEM 4.7 places rings elsewhere than later versions")
     expected = [evaluate(p, in_spans(p, REFERENCE))[0] for p in MODELS[name].patches.values()]
     np.testing.assert_allclose(seen[name]["places"], np.concatenate(expected), rtol=0, atol=1e-12)
 
